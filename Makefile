@@ -1,0 +1,189 @@
+# sphpa: every task. `make help` lists them. GNU make 3.81 or newer, Linux and macOS.
+# Everything that is generated goes under build/.
+#
+# Two levels. The targets you name set up the machine (tests/deps.sh), then call make once more, with
+# INNER=1, to build and run: only then is asked what compiler and libraries are there (tests/flags.sh).
+
+BUILD ?= build
+JOBS ?= $(shell getconf _NPROCESSORS_ONLN 2>/dev/null || echo 2)
+
+# ---- what you may set: make CC=clang NATIVE=1 REAL=float test ----
+CFLAGS ?= -O3
+LDFLAGS ?=
+EXTRA_CFLAGS ?=
+NATIVE ?=
+REAL ?= double
+OPENMP ?=
+HDF5 ?=
+NO_INSTALL ?=
+ARGS ?=
+export NO_INSTALL
+ifeq ($(origin CC),default)
+CC := $(shell command -v cc >/dev/null 2>&1 && echo cc || { command -v gcc || command -v clang || echo cc; })
+endif
+# for the scripts too, as they were given
+export CC NATIVE OPENMP HDF5 HDF5_CFLAGS HDF5_LIBS
+
+DEPS = sh tests/deps.sh
+# jobs side by side, unless you gave -j yourself: then make's own count holds
+SIDE_BY_SIDE = $(if $(findstring jobserver,$(MAKEFLAGS)),,-j$(JOBS))
+# (its recipes begin with +: make sees $(MAKE) in a recipe, not behind a variable)
+INNER_MAKE = $(MAKE) --no-print-directory INNER=1 $(SIDE_BY_SIDE)
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.SUFFIXES:
+.PHONY: help deps deps-check check test impact impact-full sensitivity movie examples clean FORCE \
+        tests-build tests-run examples-build
+
+help: ## list these targets (the default)
+	@echo 'make TARGET [VARIABLE=value ..]'
+	@echo
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F '|' '{ printf "  %-12s %s\n", $$1, $$2 }'
+	@echo
+	@echo '  NATIVE=1      for this very processor      REAL=float   single precision state'
+	@echo '  CC, CFLAGS    compiler and its flags       OPENMP=0, HDF5=0   leave it out'
+	@echo '  ARGS="..."    handed to the program, as in make impact ARGS="--particles 10000"'
+	@echo '  NO_INSTALL=1  never install anything       BUILD=dir    instead of build'
+
+deps: ## install what impact and test need and this machine lacks
+	@$(DEPS) impact
+	@$(DEPS) test
+
+deps-check: ## install everything that check uses
+	@$(DEPS) check
+
+# ---- the main job ----
+IMPACT = $(BUILD)/examples/pumice_impact
+
+impact: ## a nylon sphere breaks a pumice target: numbers, pictures in build/impact (three minutes)
+	@$(DEPS) impact
+	@+$(INNER_MAKE) $(IMPACT)
+	@mkdir -p $(BUILD)/impact
+	$(IMPACT) --out $(BUILD)/impact $(ARGS)
+
+impact-full: ## the same with 300,000 particles; goes on where it was stopped
+	@$(DEPS) impact
+	@+$(INNER_MAKE) $(IMPACT)
+	@mkdir -p $(BUILD)/impact-full
+	$(IMPACT) --particles 300000 --out $(BUILD)/impact-full --resume auto $(ARGS)
+
+sensitivity: ## how the largest fragment depends on each assumption: build/sensitivity.csv
+	@$(DEPS) impact
+	@+$(INNER_MAKE) $(IMPACT)
+	$(IMPACT) --sensitivity $(BUILD)/sensitivity.csv $(ARGS)
+
+movie: ## the impact as an animated GIF, correction and Balsara on beside off
+	@$(DEPS) impact
+	@+$(INNER_MAKE) $(IMPACT)
+	@mkdir -p $(BUILD)/movie
+	$(IMPACT) --movie $(BUILD)/movie/impact.gif $(ARGS)
+
+examples: ## build all examples into build/examples
+	@$(DEPS) impact
+	@+$(INNER_MAKE) examples-build
+
+# ---- tests and checks ----
+test: ## build and run the tests, one program a section
+	@$(DEPS) test
+	@+$(INNER_MAKE) tests-build
+	@$(MAKE) --no-print-directory INNER=1 tests-run
+
+# Each check says what it skipped; CHECK_STRICT=1 (or CI) makes a skip a failure.
+# A check is any tests/check_*: tests/lib.sh says what is asked of one.
+CHECKS := $(sort $(wildcard tests/check_*.sh tests/check_*.py))
+
+check: ## compile matrix, names, layers, what is left out, sanitizers, readers of the snapshots
+	@mkdir -p $(BUILD)/check && : > $(BUILD)/check/skipped
+	@passed=0; bad=; PYTHON=$$(sh tests/python.sh); \
+	BUILD=$(BUILD) JOBS=$(JOBS) MAKE='$(MAKE)' CHECK_SKIPS=$(BUILD)/check/skipped; \
+	if [ -n "$$CI" ] && [ "$$CI" != false ]; then CHECK_STRICT=1; fi; \
+	export PYTHON BUILD JOBS MAKE CHECK_SKIPS CHECK_STRICT; \
+	for check in $(CHECKS); do \
+	    case $$check in \
+	    *.py) [ -n "$$PYTHON" ] && run="$$PYTHON" || run='sh -c "exit 77"' ;; \
+	    *) run=sh ;; \
+	    esac; \
+	    start=$$(date +%s); eval $$run $$check; status=$$?; \
+	    echo "-- $$check: $$(($$(date +%s) - start)) s"; \
+	    case $$status in \
+	    0) passed=$$((passed + 1)) ;; \
+	    77) echo "$$check" >> $$CHECK_SKIPS; [ "$$CHECK_STRICT" = 1 ] && bad="$$bad $$check" ;; \
+	    *) bad="$$bad $$check" ;; \
+	    esac; \
+	done; \
+	if [ -s $$CHECK_SKIPS ]; then echo "skipped:"; sort -u $$CHECK_SKIPS | sed 's/^/  /'; \
+	    echo "  (make deps-check installs what is missing)"; fi; \
+	if [ -n "$$bad" ]; then echo "checks: $$passed passed, FAILED:$$bad"; exit 1; fi; \
+	echo "checks: $$passed passed, 0 failed"
+
+clean: ## remove build/
+	rm -rf $(BUILD)
+
+# ======== the inner level: what is built, and how ========
+ifneq ($(INNER)$(filter $(BUILD)/%,$(MAKECMDGOALS)),)
+
+# What was found here, and the flags given. Asked each time (a third of a second), written only when
+# something changed: then everything is compiled anew.
+-include $(BUILD)/flags.mk
+STAMP = $(CC) | $(CFLAGS) | $(LDFLAGS) | $(EXTRA_CFLAGS) | $(NATIVE) | $(REAL)
+$(BUILD)/flags.mk: FORCE
+	@mkdir -p $(BUILD)/examples $(BUILD)/tests
+	@STAMP='$(STAMP)' sh tests/flags.sh > $@.new
+	@if cmp -s $@.new $@; then rm $@.new; else mv $@.new $@; fi
+FORCE:
+
+# No -ffast-math: NaN must stay visible. These two flags cost no such thing and let loops vectorise.
+MATH_FLAGS = -fno-math-errno -fno-trapping-math
+WARNINGS = -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Wundef -Wdouble-promotion \
+           -Wcast-qual -Wstrict-prototypes
+# cmocka's macros convert as they like, and do not tell the compiler that a failure does not return
+TEST_WARNINGS = -Wall -Wextra -Wno-maybe-uninitialized
+# each function in a section of its own, so that the linker drops those that nothing calls
+SECTIONS = -ffunction-sections -fdata-sections
+REAL_FLAGS_float = -DSPHPA_FLOAT
+ifeq ($(filter $(REAL),float double),)
+$(error REAL=$(REAL): give REAL=float or REAL=double)
+endif
+
+COMPILE = $(CC) -std=c11 $(CFLAGS) $(MATH_FLAGS) $(SECTIONS) $(NATIVE_FLAGS) $(OPENMP_CFLAGS) \
+          $(REAL_FLAGS_$(REAL)) -I. $(EXTRA_CFLAGS)
+LINK_FLAGS = $(LDFLAGS) $(GC_FLAGS)
+LIBS = $(OPENMP_LIBS) -lm
+
+# HDF5 goes to the programs that name it: SPHPA_WITH_HDF5 (can do without), or the section itself (cannot)
+MAY_USE_HDF5 := $(shell grep -l 'SPHPA_WITH_HDF5' examples/*.c tests/test_*.c 2>/dev/null)
+MUST_USE_HDF5 := $(filter-out $(MAY_USE_HDF5), \
+    $(shell grep -l 'SPHPA_SNAPSHOT_IMPLEMENTATION' examples/*.c tests/test_*.c 2>/dev/null))
+HDF5_USERS := $(if $(HDF5_FOUND),$(MAY_USE_HDF5) $(MUST_USE_HDF5))
+hdf5_cflags = $(if $(filter $<,$(HDF5_USERS)),-DSPHPA_WITH_HDF5 $(HDF5_FOUND_CFLAGS))
+hdf5_libs = $(if $(filter $<,$(HDF5_USERS)),$(HDF5_FOUND_LIBS))
+SKIPPED := $(if $(HDF5_FOUND),,$(MUST_USE_HDF5))
+
+EXAMPLES := $(patsubst examples/%.c,$(BUILD)/examples/%,$(filter-out $(SKIPPED),$(wildcard examples/*.c)))
+TESTS := $(patsubst tests/%.c,$(BUILD)/tests/%,$(filter-out $(SKIPPED),$(wildcard tests/test_*.c)))
+
+$(BUILD)/examples/%: examples/%.c sphpa.h $(BUILD)/flags.mk $(wildcard examples/*.h)
+	$(COMPILE) $(WARNINGS) $(hdf5_cflags) $< -o $@ $(LINK_FLAGS) $(hdf5_libs) $(LIBS)
+
+$(BUILD)/tests/test_%: tests/test_%.c sphpa.h $(BUILD)/flags.mk $(wildcard tests/*.h)
+	$(COMPILE) $(TEST_WARNINGS) -Itests $(hdf5_cflags) $(CMOCKA_CFLAGS) $< -o $@ $(LINK_FLAGS) $(hdf5_libs) $(CMOCKA_LIBS) $(LIBS)
+
+examples-build: $(EXAMPLES)
+	@for name in $(SKIPPED); do echo "skipped: $$name (no HDF5)"; done
+
+tests-build: $(TESTS)
+
+tests-run: $(TESTS) # one after the other: each uses all threads
+	@passed=0; bad=; \
+	for program in $(TESTS); do \
+	    if $$program; then passed=$$((passed + 1)); else bad="$$bad $$program"; fi; \
+	done; \
+	for name in $(filter tests/%,$(SKIPPED)); do echo "skipped: $$name (no HDF5)"; done; \
+	[ -z "$$bad" ] || echo "FAILED:$$bad"; \
+	set -- $$bad; echo "programs: $$passed passed, $$# failed"; \
+	[ $$# -eq 0 ] && [ $$passed -gt 0 ]
+else
+# the outer level's targets one after the other: two of them may want to install something
+.NOTPARALLEL:
+endif

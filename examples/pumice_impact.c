@@ -1,0 +1,783 @@
+/* pumice_impact.c: a nylon sphere hits a porous pumice sphere, after the experiment of Jutzi, Michel,
+   Hiraoka, Nakamura & Benz 2009 (Icarus 201): 2.58 km/s, largest fragment 9.96 % of the target.
+
+   What is known of that experiment and what is assumed is printed at the end of every run. This file
+   sets the scene and runs it; files and pictures are made in impact_output.h. */
+#include "example.h"
+
+#define SPHPA_IMPLEMENTATION
+#ifdef SPHPA_WITH_HDF5
+#define SPHPA_SNAPSHOT_IMPLEMENTATION
+#endif
+#include "sphpa.h"
+
+#define IMPACT_RECORDS 512 /* outputs of a run, at most */
+
+/* ---- settings -------------------------------------------------------------------------------- */
+
+enum { IMPACT_TARGET = 0, IMPACT_PROJECTILE, IMPACT_BODIES }; /* bodies, and their materials */
+
+/* What the command line sets. Numbers only: a checkpoint keeps it, and a resumed run compares. */
+typedef struct impact_settings {
+    double speed;              /* [m/s] */
+    double angle;              /* [deg] from the surface's normal */
+    double target_diameter;    /* [m] */
+    double projectile_diameter; /* [m] */
+    double weibull_k, weibull_m; /* [m^-3] [1] */
+    double tension;            /* [Pa] what nylon bears in tension */
+    double cfl;                /* [1] */
+    double t_end, every;       /* [s] */
+    double gauge[3];           /* [m] */
+    long particles, projectile_particles, seed;
+    int curve, solver, correction, balsara; /* curve 0: two exponents, 1: quadratic */
+} impact_settings;
+
+/* How it is run and what is made of it. */
+typedef struct impact_options {
+    double link, damage_below; /* [1] of the fragments, see sphpa_fragment_options */
+    long ensemble, threads, compare_particles;
+    int dry_run, quiet, compare, snapshots;
+    const char *out, *resume, *sensitivity, *movie, *target_file;
+} impact_options;
+
+static impact_settings impact_default_settings(void) {
+    impact_settings s;
+    memset(&s, 0, sizeof s);
+    s.speed = 2580.0;
+    s.target_diameter = 0.1;
+    s.projectile_diameter = 7e-3;
+    s.weibull_k = 4e35;
+    s.weibull_m = 9.0;
+    s.tension = 1e8;
+    s.cfl = 0.3;
+    s.t_end = 1e-4;
+    s.gauge[2] = 0.025;
+    s.particles = 10000;
+    s.projectile_particles = 200;
+    s.seed = 1;
+    s.correction = s.balsara = 1;
+    return s;
+}
+
+#include "impact_output.h"
+
+/* ---- the scene ------------------------------------------------------------------------------- */
+
+/* All that the modules point to; it must stay where it is while the simulation lives. */
+typedef struct impact_scene {
+    sphpa_material material[IMPACT_BODIES];
+    sphpa_crush crush[IMPACT_BODIES];
+    const sphpa_tillotson *matrix[IMPACT_BODIES];
+    sphpa_solid_material solid_material[IMPACT_BODIES];
+    sphpa_yield yield[IMPACT_BODIES];
+    sphpa_cracks_material flaws[IMPACT_BODIES];
+    sphpa_solid_params solid;
+    sphpa_pores_params pores;
+    sphpa_plastic_params plastic;
+    sphpa_cracks_params cracks;
+    sphpa_scene scene;
+} impact_scene;
+
+static void impact_materials(impact_scene *scene, const impact_settings *s) {
+    static const char *const name[IMPACT_BODIES] = {"pumice", "nylon"};
+    sphpa_crush fitted = sphpa_crush_pumice();
+    memset(scene, 0, sizeof *scene);
+    for (int k = 0; k < IMPACT_BODIES; k++) {
+        scene->material[k] = *sphpa_material_find(name[k]);
+        scene->matrix[k] = &scene->material[k].eos;
+        scene->solid_material[k].eos = sphpa_tillotson_eos(&scene->material[k].eos);
+        scene->solid_material[k].G = scene->material[k].G;
+        scene->yield[k].kind = SPHPA_YIELD_VON_MISES;
+        scene->yield[k].Y0 = scene->material[k].Y;
+        scene->yield[k].u_melt = scene->material[k].u_melt;
+        scene->crush[k].alpha0 = 1.0;
+    }
+    scene->material[IMPACT_PROJECTILE].eos.tensile_limit = s->tension;
+    scene->crush[IMPACT_TARGET] =
+        s->curve == 0 ? fitted : sphpa_crush_quadratic(fitted.alpha0, fitted.Pe, fitted.Ps);
+    scene->flaws[IMPACT_TARGET].k = s->weibull_k;
+    scene->flaws[IMPACT_TARGET].m = s->weibull_m;
+    scene->flaws[IMPACT_TARGET].alpha0 = fitted.alpha0;
+}
+
+static void impact_modules(impact_scene *scene, const impact_settings *s) {
+    scene->solid.material = scene->solid_material;
+    scene->solid.materials = IMPACT_BODIES;
+    scene->solid.correction = s->correction;
+    scene->solid.viscosity.balsara = s->balsara;
+    scene->pores.solid = &scene->solid;
+    scene->pores.crush = scene->crush;
+    scene->pores.matrix = scene->matrix;
+    scene->pores.solver = (sphpa_palpha_solver)s->solver;
+    scene->plastic.yield = scene->yield;
+    scene->plastic.materials = IMPACT_BODIES;
+    scene->cracks.solid = &scene->solid;
+    scene->cracks.material = scene->flaws;
+    scene->cracks.seed = (uint64_t)s->seed;
+    sphpa_scene_add(&scene->scene, sphpa_solid(&scene->solid));
+    sphpa_scene_add(&scene->scene, sphpa_pores(&scene->pores));
+    sphpa_scene_add(&scene->scene, sphpa_plastic(&scene->plastic));
+    sphpa_scene_add(&scene->scene, sphpa_cracks(&scene->cracks));
+}
+
+/* a target of the user's own: its particles as they are, as body 0 of pumice, at rest */
+static sphpa_result impact_read_target(sphpa_particles *bodies, const char *path,
+                                       sphpa_error *err) {
+#ifdef SPHPA_WITH_HDF5
+    sphpa_particles shape;
+    sphpa_result result = sphpa_snapshot_read(path, &shape, NULL, err);
+    if (result != SPHPA_OK) return result;
+    result = sphpa_make_begin(bodies, 3, err);
+    if (result == SPHPA_OK) result = sphpa_particles_append(bodies, &shape, err);
+    double alpha0 = sphpa_crush_pumice().alpha0;
+    for (size_t i = 0; result == SPHPA_OK && i < bodies->n; i++) {
+        bodies->body[i] = bodies->material[i] = IMPACT_TARGET;
+        if (bodies->alpha[i] < 1.0) bodies->alpha[i] = alpha0;
+    }
+    sphpa_particles_free(&shape);
+    return result;
+#else
+    (void)bodies;
+    return sphpa_error_set(err, SPHPA_ERROR_MISSING,
+                           "--target %s: this program was built without HDF5; install it (make "
+                           "deps) and build again", path);
+#endif
+}
+
+/* the target and, above it, the projectile half a spacing from its surface, flying along -z */
+static sphpa_result impact_bodies(sphpa_particles *p, const impact_scene *scene,
+                                  const impact_settings *s, const char *target_file,
+                                  sphpa_error *err) {
+    double radius = 0.5 * s->target_diameter, small = 0.5 * s->projectile_diameter;
+    double theta = s->angle * 3.14159265358979323846 / 180.0, origin = impact_origin(s);
+    double centre[3] = {origin, origin, origin};
+    sphpa_body body;
+    sphpa_result result;
+    memset(&body, 0, sizeof body);
+    body.alpha = scene->crush[IMPACT_TARGET].alpha0;
+    body.rho = scene->material[IMPACT_TARGET].eos.rho0 / body.alpha;
+    body.count = (size_t)s->particles;
+    body.seed = (uint64_t)s->seed;
+    body.lattice = SPHPA_LATTICE_HEXAGONAL;
+    body.material = body.body = IMPACT_TARGET;
+    result = target_file != NULL ? impact_read_target(p, target_file, err)
+                                 : sphpa_make_sphere(p, centre, radius, &body, err);
+    if (result != SPHPA_OK) return result;
+    double spacing = 0.0; /* of the coarser of the two */
+    for (size_t i = 0; i < p->n; i++) spacing = fmax(spacing, (double)p->h[i] / 1.2);
+    double away = radius + small + 0.5 * spacing;
+    centre[0] += away * sin(theta);
+    centre[2] += away * cos(theta);
+    body.alpha = 1.0;
+    body.rho = scene->material[IMPACT_PROJECTILE].eos.rho0;
+    body.count = (size_t)s->projectile_particles;
+    body.seed = (uint64_t)s->seed + 1000u;
+    body.material = body.body = IMPACT_PROJECTILE;
+    body.v[2] = -s->speed;
+    return sphpa_make_sphere(p, centre, small, &body, err);
+}
+
+/* ---- one run --------------------------------------------------------------------------------- */
+
+typedef struct impact_run {
+    impact_settings s;
+    const impact_options *o;
+    char out[EXAMPLE_PATH];
+    impact_scene scene;
+    sphpa_sim sim;
+    sphpa_totals start; /* at t = 0 */
+    double target_mass, projectile_mass;
+    impact_history history; /* what the outputs found; kept in checkpoints */
+    example_progress progress;
+    FILE *log, *gauge;
+    double wall;     /* [s] of the steps */
+    int resumed, quiet;
+} impact_run;
+
+/* settings that a resumed run must share, and what it needs to go on */
+static void impact_blobs(impact_run *run, sphpa_blob blob[4]) {
+    const sphpa_blob all[4] = {{"settings", &run->s, sizeof run->s},
+                               {"start", &run->start, sizeof run->start},
+                               {"history", &run->history, sizeof run->history},
+                               {"pores", &run->scene.pores.stats, sizeof run->scene.pores.stats}};
+    memcpy(blob, all, sizeof all);
+}
+
+static sphpa_result impact_checkpoint(impact_run *run, sphpa_error *err) {
+#ifdef SPHPA_WITH_HDF5
+    char path[EXAMPLE_PATH + 32];
+    sphpa_blob blob[4];
+    sphpa_snapshot_info info;
+    memset(&info, 0, sizeof info);
+    impact_blobs(run, blob);
+    info.run = "pumice_impact";
+    info.blobs = blob;
+    info.blobs_count = 4;
+    snprintf(path, sizeof path, "%s/checkpoint.hdf", run->out);
+    return sphpa_checkpoint_write(&run->sim, path, &info, err);
+#else
+    (void)run;
+    (void)err;
+    return SPHPA_OK;
+#endif
+}
+
+/* the first setting in which two runs differ, or NULL; t_end may be moved */
+static const char *impact_differs(const impact_settings *a, const impact_settings *b) {
+    if (a->speed != b->speed) return "--speed";
+    if (a->angle != b->angle) return "--angle";
+    if (a->target_diameter != b->target_diameter) return "--target-diameter";
+    if (a->projectile_diameter != b->projectile_diameter) return "--projectile-diameter";
+    if (a->weibull_k != b->weibull_k) return "--weibull-k";
+    if (a->weibull_m != b->weibull_m) return "--weibull-m";
+    if (a->tension != b->tension) return "--tension";
+    if (a->every != b->every) return "--every";
+    if (a->particles != b->particles) return "--particles";
+    if (a->projectile_particles != b->projectile_particles) return "--projectile-particles";
+    if (a->seed != b->seed) return "--seed";
+    if (a->curve != b->curve) return "--curve";
+    if (a->solver != b->solver) return "--solver";
+    if (a->correction != b->correction) return "--correction";
+    if (a->balsara != b->balsara) return "--balsara";
+    return NULL;
+}
+
+/* the checkpoint to go on from, or "" to begin anew */
+static void impact_resume_path(const impact_run *run, char path[EXAMPLE_PATH + 32]) {
+    path[0] = '\0';
+    if (run->o->resume == NULL) return;
+    if (strcmp(run->o->resume, "auto") != 0) {
+        snprintf(path, EXAMPLE_PATH, "%s", run->o->resume);
+        return;
+    }
+    snprintf(path, EXAMPLE_PATH + 32, "%s/checkpoint.hdf", run->out);
+    FILE *there = fopen(path, "rb");
+    if (there == NULL) path[0] = '\0';
+    else fclose(there);
+}
+
+static sphpa_result impact_resume(impact_run *run, const char *path, sphpa_error *err) {
+#ifdef SPHPA_WITH_HDF5
+    impact_settings kept;
+    impact_history history;
+    sphpa_result result = sphpa_checkpoint_blob(path, "settings", &kept, sizeof kept, err);
+    if (result != SPHPA_OK) return result;
+    const char *option = impact_differs(&kept, &run->s);
+    if (option != NULL)
+        return sphpa_error_set(err, SPHPA_ERROR_FORMAT,
+                               "%s is of a run with another %s; give the same options, or begin "
+                               "anew without --resume", path, option);
+    result = sphpa_checkpoint_read(&run->sim, path, err);
+    if (result == SPHPA_OK)
+        result = sphpa_checkpoint_blob(path, "start", &run->start, sizeof run->start, err);
+    if (result == SPHPA_OK)
+        result = sphpa_checkpoint_blob(path, "history", &history, sizeof history, err);
+    if (result == SPHPA_OK)
+        result = sphpa_checkpoint_blob(path, "pores", &run->scene.pores.stats,
+                                       sizeof run->scene.pores.stats, err);
+    if (result != SPHPA_OK) return result;
+    run->history = history;
+    run->resumed = 1;
+    return SPHPA_OK;
+#else
+    (void)run;
+    return sphpa_error_set(err, SPHPA_ERROR_MISSING,
+                           "--resume %s: this program was built without HDF5; install it (make "
+                           "deps) and build again", path);
+#endif
+}
+
+static sphpa_result impact_create(impact_run *run, sphpa_error *err) {
+    sphpa_particles bodies;
+    sphpa_sim_options options;
+    char path[EXAMPLE_PATH + 32];
+    memset(&bodies, 0, sizeof bodies);
+    memset(&options, 0, sizeof options);
+    options.cfl = run->s.cfl;
+    impact_materials(&run->scene, &run->s);
+    impact_modules(&run->scene, &run->s);
+    sphpa_result result =
+        impact_bodies(&bodies, &run->scene, &run->s, run->o->target_file, err);
+    if (result == SPHPA_OK)
+        result = sphpa_sim_create(&run->sim, &run->scene.scene, &bodies, &options, err);
+    sphpa_particles_free(&bodies);
+    if (result != SPHPA_OK) return result;
+    run->start = sphpa_sim_totals(&run->sim);
+    for (size_t i = 0; i < run->sim.p.n; i++)
+        *(run->sim.p.body[i] == IMPACT_TARGET ? &run->target_mass : &run->projectile_mass) +=
+            (double)run->sim.p.m[i];
+    impact_resume_path(run, path);
+    return path[0] != '\0' ? impact_resume(run, path, err) : SPHPA_OK;
+}
+
+static sphpa_result impact_on_step(sphpa_sim *sim, void *user, sphpa_error *err) {
+    impact_run *run = (impact_run *)user;
+    (void)err;
+    if (run->log != NULL && sim->stats.steps % 10 == 0)
+        impact_log_line(run->log, sim, &run->start);
+    if (run->gauge != NULL)
+        fprintf(run->gauge, "%.9e %.6e\n", sim->time, impact_gauge(sim, &run->s));
+    if (!run->quiet)
+        example_progress_show(&run->progress, sim->time / run->s.t_end, sim->time, sim->dt,
+                              sim->stats.steps, sim->stats.steps * sim->p.n);
+    return SPHPA_OK;
+}
+
+static sphpa_result impact_on_output(sphpa_sim *sim, void *user, sphpa_error *err) {
+    impact_run *run = (impact_run *)user;
+    impact_history *history = &run->history;
+    if (history->count >= IMPACT_RECORDS)
+        return sphpa_error_set(err, SPHPA_ERROR_RANGE, "more than %d outputs; give a larger --every",
+                               IMPACT_RECORDS);
+    sphpa_result result = impact_record_now(sim, run->o, run->target_mass,
+                                            &history->record[history->count], err);
+    if (result != SPHPA_OK) return result;
+    result = impact_write_state(run->out, history, sim, &run->s, run->o->snapshots, err);
+    if (result != SPHPA_OK) return result;
+    history->count++;
+    if (run->log != NULL) fflush(run->log);
+    if (run->gauge != NULL) fflush(run->gauge);
+    return impact_checkpoint(run, err);
+}
+
+static void impact_open_logs(impact_run *run) {
+    char path[EXAMPLE_PATH + 32];
+    snprintf(path, sizeof path, "%s/log.txt", run->out);
+    run->log = impact_reopen(path, run->resumed ? (double)run->sim.stats.steps : -1.0,
+                             IMPACT_LOG_HEADER);
+    snprintf(path, sizeof path, "%s/gauge.dat", run->out);
+    run->gauge = impact_reopen(path, run->resumed ? run->sim.time : -1.0,
+                               "# time[s] pressure[Pa] at the gauge\n");
+}
+
+static void impact_close_logs(impact_run *run) {
+    if (run->log != NULL) fclose(run->log);
+    if (run->gauge != NULL) fclose(run->gauge);
+    run->log = run->gauge = NULL;
+}
+
+/* Runs to the end or to an interrupt. Files go to run->out. */
+static sphpa_result impact_go(impact_run *run, sphpa_error *err) {
+    sphpa_run plan;
+    memset(&plan, 0, sizeof plan);
+    plan.t_end = run->s.t_end;
+    plan.every = run->s.every;
+    plan.user = run;
+    plan.output = impact_on_output;
+    plan.step = impact_on_step;
+    plan.stop = example_stop_on_interrupt();
+    plan.resumed = run->resumed;
+    example_folder(run->out);
+    impact_open_logs(run);
+    double since = example_clock();
+    sphpa_result result = sphpa_sim_run(&run->sim, &plan, err);
+    run->wall = example_clock() - since;
+    example_progress_end(&run->progress);
+    if (result == SPHPA_STOPPED) {
+        sphpa_error why;
+        if (impact_checkpoint(run, &why) != SPHPA_OK) fprintf(stderr, "%s\n", why.message);
+    }
+    impact_close_logs(run);
+    return result;
+}
+
+static impact_run *impact_new(const impact_settings *s, const impact_options *o, const char *out) {
+    impact_run *run = (impact_run *)calloc(1, sizeof *run);
+    if (run == NULL) example_fail(1, "out of memory");
+    run->s = *s;
+    if (run->s.every <= 0.0) run->s.every = run->s.t_end / 20.0;
+    run->o = o;
+    run->quiet = run->progress.quiet = o->quiet;
+    snprintf(run->out, sizeof run->out, "%s", out);
+    return run;
+}
+
+static void impact_free(impact_run *run) {
+    sphpa_sim_free(&run->sim);
+    free(run);
+}
+
+/* what a user reads when a run ends early; returns the exit status */
+static int impact_explain(const impact_run *run, sphpa_result result, const sphpa_error *err) {
+    bool checkpoint = impact_has_hdf5() && run->history.count > 0;
+    fprintf(stderr, "pumice_impact: %s\n", err->message);
+    if (result == SPHPA_STOPPED && checkpoint)
+        fprintf(stderr, "to go on, give the same options and --resume %s/checkpoint.hdf\n",
+                run->out);
+    else if (result == SPHPA_ERROR_STATE && checkpoint)
+        fprintf(stderr, "the last good checkpoint is %s/checkpoint.hdf\n", run->out);
+    else if (!impact_has_hdf5())
+        fprintf(stderr, "built without HDF5, so there is no checkpoint to go on from\n");
+    return result == SPHPA_STOPPED ? 130 : 1;
+}
+
+/* a run from beginning to end, on failure the program ends with its message */
+static impact_run *impact_must_run(const impact_settings *s, const impact_options *o,
+                                   const char *out) {
+    sphpa_error err;
+    impact_run *run = impact_new(s, o, out);
+    sphpa_result result = impact_create(run, &err);
+    if (result != SPHPA_OK) example_fail(1, "%s", err.message);
+    result = impact_go(run, &err);
+    if (result != SPHPA_OK) exit(impact_explain(run, result, &err));
+    return run;
+}
+
+/* ---- what is printed at the end -------------------------------------------------------------- */
+
+static void impact_print_assumptions(const impact_run *run) {
+    const impact_settings *s = &run->s;
+    const sphpa_material *pumice = &run->scene.material[IMPACT_TARGET];
+    const sphpa_crush *crush = &run->scene.crush[IMPACT_TARGET];
+    size_t projectile = 0;
+    for (size_t i = 0; i < run->sim.p.n; i++) projectile += run->sim.p.body[i] == 1;
+    double ratio = run->target_mass / (double)(run->sim.p.n - projectile) /
+                   (run->projectile_mass / (double)projectile);
+    printf("\nknown of the experiment: impact speed 2580 m/s (here %g), largest fragment 0.0996\n",
+           s->speed);
+    printf("assumed, for no source gives it:\n");
+    printf("  projectile         nylon sphere of %g mm, %.4f g (the sister experiment's size)\n",
+           1e3 * s->projectile_diameter, 1e3 * run->projectile_mass);
+    printf("  target             sphere of %g cm, %.4f kg; hexagonal lattice, turned by seed %ld\n",
+           100.0 * s->target_diameter, run->target_mass, s->seed);
+    printf("  impact angle       %g degrees from the normal\n", s->angle);
+    printf("  crush curve        %s, alpha0 %g, Pe %g, Pt %g, Ps %g Pa: that it is this pumice's\n",
+           s->curve == 0 ? "two exponents" : "quadratic", crush->alpha0, crush->Pe, crush->Pt,
+           crush->Ps);
+    printf("  matrix             K = A = %g Pa, G = %g Pa, Y = %g Pa, melts at %g J/kg\n",
+           pumice->eos.A, pumice->G, pumice->Y, pumice->u_melt);
+    printf("  flaws              Weibull k = %g m^-3, m = %g, of the solid volume; seed %ld\n",
+           s->weibull_k, s->weibull_m, s->seed);
+    printf("  nylon in tension   at most %g Pa; it has no flaws here\n", s->tension);
+    printf("  between the bodies no tension, no shear; half a spacing at the start\n");
+    printf("  fragments          linking length %g supports, particles with D < %g\n",
+           run->o->link, run->o->damage_below);
+    printf("  end time           %g s\n", s->t_end);
+    printf("  particles          %zu + %zu; a target particle has %.1f times the mass of a "
+           "projectile one\n", run->sim.p.n - projectile, projectile, ratio);
+    if (s->curve == 1)
+        printf("  note: the quadratic curve with the pumice's Pe and Ps is no fit of pumice: at a "
+               "piston of 100 m/s\n  its shock pressure is 2.6 times that of the two-exponent "
+               "fit\n");
+}
+
+static void impact_print_fragments(const impact_run *run) {
+    static const double links[3] = {0.5, 1.0, 1.5}, below[4] = {0.5, 0.7, 0.9, 0.99};
+    const impact_history *history = &run->history;
+    const impact_record *last = &history->record[history->count - 1];
+    printf("\nlargest fragment: %.4f of the target's mass (experiment 0.0996, GASPHiA 0.0835)\n",
+           last->largest);
+    printf("\nlargest fragment over linking length (rows, in supports) and damage threshold\n");
+    printf("         ");
+    for (int k = 0; k < 4; k++) printf("  D < %-4g", below[k]);
+    printf("\n");
+    for (int r = 0; r < 3; r++) {
+        printf("  %5.2f  ", links[r]);
+        for (int k = 0; k < 4; k++)
+            printf("  %8.4f", impact_largest(&run->sim, links[r], below[k], run->target_mass));
+        printf("\n");
+    }
+    printf("\nlargest fragment over the last outputs\n  t [s]        largest   second    dust\n");
+    for (int k = history->count > 5 ? history->count - 5 : 0; k < history->count; k++)
+        printf("  %.4e  %8.4f  %8.4f  %8.4f\n", history->record[k].time,
+               history->record[k].largest, history->record[k].second, history->record[k].dust);
+    if (history->count > 1) {
+        double change = fabs(last->largest - history->record[history->count - 2].largest);
+        printf(change < 0.01 ? "  settled: the last two differ by %.4f\n"
+                             : "  NOT SETTLED: the last two differ by %.4f, more than 0.01; give a "
+                               "larger --t-end\n", change);
+    }
+}
+
+static void impact_print_conservation(const impact_run *run) {
+    sphpa_totals now = sphpa_sim_totals(&run->sim);
+    const sphpa_totals *then = &run->start;
+    const sphpa_pores_stats *pores = &run->scene.pores.stats;
+    double push = run->projectile_mass * run->s.speed, p = 0.0, L = 0.0, L0 = 0.0;
+    for (int a = 0; a < 3; a++) {
+        p += (now.momentum[a] - then->momentum[a]) * (now.momentum[a] - then->momentum[a]);
+        L += (now.angular[a] - then->angular[a]) * (now.angular[a] - then->angular[a]);
+        L0 += then->angular[a] * then->angular[a];
+    }
+    L0 = fmax(sqrt(L0), push * 0.5 * run->s.projectile_diameter);
+    printf("\ncrush curve: largest distance of a loading particle %.2e of alpha0 - 1 (%llu loaded "
+           "steps)\n", pores->distance_max, (unsigned long long)pores->loading);
+    printf("alpha grew: %llu particles\n", (unsigned long long)pores->grew);
+    printf("drift of mass %.2e, of linear momentum %.2e of the projectile's, of angular momentum "
+           "%.2e of %.2e kg m2/s,\n  of energy %.2e; internal energy below zero: %.2e of the "
+           "total, in %llu particles\n",
+           (now.mass - then->mass) / then->mass, sqrt(p) / push, sqrt(L) / L0, L0,
+           (now.energy - then->energy) / then->energy, run->sim.stats.u_deficit / then->energy,
+           (unsigned long long)run->sim.stats.u_below);
+}
+
+static void impact_print_cost(const impact_run *run) {
+    static char text[16384];
+    const sphpa_stats *stats = &run->sim.stats;
+    double eos = 0.0, forces = 0.0, steps = stats->steps > 0 ? (double)stats->steps : 1.0;
+    for (int k = 0; k < stats->timings; k++) {
+        const char *name = stats->timing[k].name;
+        if (strcmp(name, "pores pressure") == 0) eos += stats->timing[k].seconds;
+        if (strcmp(name, "solid forces") == 0 || strcmp(name, "solid energy") == 0)
+            forces += stats->timing[k].seconds;
+    }
+    sphpa_sim_report(&run->sim, text, sizeof text);
+    printf("\n%s\n", text);
+    printf("EOS %.3f ms a step, forces %.3f ms a step: %.1f %%; %.2f evaluations a P-alpha solve\n",
+           1e3 * eos / steps, 1e3 * forces / steps, 100.0 * eos / (forces + 1e-300),
+           (double)run->scene.pores.stats.evaluations /
+               ((double)run->scene.pores.stats.solves + 1e-300));
+    printf("%.3g particle updates a second on %d threads; peak memory %.1f MB\n",
+           (double)run->sim.p.n * steps / (run->wall + 1e-9), example_threads(0),
+           1e-6 * example_peak_memory());
+}
+
+static void impact_print(const impact_run *run) {
+    impact_print_assumptions(run);
+    impact_print_conservation(run);
+    impact_print_cost(run);
+    impact_print_fragments(run);
+    fflush(stdout);
+}
+
+/* ---- what the program can be asked for ------------------------------------------------------- */
+
+/* memory, steps and time of a run, from a few steps of it */
+static int impact_dry_run(const impact_settings *s, const impact_options *o) {
+    sphpa_error err;
+    impact_run *run = impact_new(s, o, o->out);
+    if (impact_create(run, &err) != SPHPA_OK) example_fail(1, "%s", err.message);
+    double since = example_clock(), h = (double)run->sim.p.h[0];
+    int steps = 0;
+    while (steps < 5 || (example_clock() - since < 2.0 && steps < 50)) {
+        if (sphpa_sim_step(&run->sim, s->t_end, &err) != SPHPA_OK)
+            example_fail(1, "%s", err.message);
+        steps++;
+    }
+    double each = (example_clock() - since) / steps;
+    for (size_t i = 0; i < run->sim.p.n; i++) h = fmin(h, (double)run->sim.p.h[i]);
+    /* shocked nylon: about 1.7 times its sound speed, and 0.3 of the impact's speed in mu */
+    double c = 1.7 * sqrt(run->scene.material[1].eos.A / run->scene.material[1].eos.rho0);
+    double dt = 0.8 * s->cfl * h / (2.2 * c + 2.4 * 0.3 * s->speed), count = s->t_end / dt;
+    double bytes = (double)(sphpa_particles_bytes_each(&run->sim.p) * run->sim.p.n +
+                            sphpa_tree_bytes(&run->sim.tree) +
+                            sphpa_tree_lists_bytes(&run->sim.lists)) + 300.0 * (double)run->sim.p.n;
+    printf("particles %zu\nmemory    %.0f MB (peak so far %.0f MB)\nsteps     about %.0f\n"
+           "time      about %.0f s on %d threads (%.2f ms a step, measured over %d)\n",
+           run->sim.p.n, 1e-6 * bytes, 1e-6 * example_peak_memory(), count, count * each,
+           example_threads(0), 1e3 * each, steps);
+    impact_free(run);
+    return 0;
+}
+
+/* the run with both switches off, for the picture beside; smaller */
+static void impact_compare(const impact_run *run) {
+    impact_settings s = run->s;
+    impact_options o = *run->o;
+    char out[EXAMPLE_PATH];
+    if (o.compare_particles > 0 && o.compare_particles < s.particles)
+        s.particles = o.compare_particles;
+    s.correction = s.balsara = 0;
+    o.resume = NULL;
+    o.snapshots = 0;
+    snprintf(out, sizeof out, "%.990s/both_off", run->out);
+    if (!run->quiet) fprintf(stderr, "the same with correction and Balsara off, %ld particles\n",
+                             s.particles);
+    impact_run *off = impact_must_run(&s, &o, out);
+    printf("\nlargest fragment with correction and Balsara off, %ld particles: %.4f\n", s.particles,
+           off->history.record[off->history.count - 1].largest);
+    impact_draw_beside(run->out, &run->history, run->sim.p.n, &off->history, off->sim.p.n,
+                       0.5 * s.target_diameter);
+    impact_free(off);
+}
+
+static int impact_single(const impact_settings *s, const impact_options *o) {
+    impact_run *run = impact_must_run(s, o, o->out);
+    impact_write_results(run->out, &run->history, &run->sim, run->o, run->target_mass,
+                         &run->scene.crush[IMPACT_TARGET]);
+    impact_print(run);
+    impact_draw(run->out, &run->history, run->sim.p.n, &run->s);
+    if (o->compare && (s->correction || s->balsara)) impact_compare(run);
+    impact_free(run);
+    return 0;
+}
+
+static int impact_ensemble(const impact_settings *s, const impact_options *o) {
+    double sum = 0.0, square = 0.0;
+    printf("seed  largest  second   dust\n");
+    for (long k = 0; k < o->ensemble; k++) {
+        impact_settings own = *s;
+        char out[EXAMPLE_PATH];
+        own.seed = s->seed + k;
+        snprintf(out, sizeof out, "%.980s/seed_%ld", o->out, own.seed);
+        impact_run *run = impact_must_run(&own, o, out);
+        const impact_record *last = &run->history.record[run->history.count - 1];
+        printf("%4ld  %.4f   %.4f   %.4f\n", own.seed, last->largest, last->second, last->dust);
+        fflush(stdout);
+        sum += last->largest;
+        square += last->largest * last->largest;
+        impact_free(run);
+    }
+    double n = (double)o->ensemble, mean = sum / n;
+    double spread = n > 1.0 ? sqrt(fmax(0.0, (square - n * mean * mean) / (n - 1.0))) : 0.0;
+    printf("largest fragment: %.4f +- %.4f of the target's mass over %ld seeds (experiment 0.0996, "
+           "GASPHiA 0.0835)\n", mean, spread, o->ensemble);
+    return 0;
+}
+
+/* one row of the sensitivity table: what is changed, and by how much */
+typedef struct impact_row {
+    const char *name;
+    double diameter, k, m, particles, projectile; /* factors */
+    long seed;
+    int curve, off;
+} impact_row;
+
+static const impact_row impact_rows[] = {
+    {"default", 1, 1, 1, 1, 1, 0, 0, 0},
+    {"target diameter x 0.6", 0.6, 1, 1, 1, 1, 0, 0, 0},
+    {"target diameter x 0.8", 0.8, 1, 1, 1, 1, 0, 0, 0},
+    {"target diameter x 1.2", 1.2, 1, 1, 1, 1, 0, 0, 0},
+    {"weibull k x 0.01", 1, 0.01, 1, 1, 1, 0, 0, 0},
+    {"weibull k x 100", 1, 100, 1, 1, 1, 0, 0, 0},
+    {"weibull m x 0.9", 1, 1, 0.9, 1, 1, 0, 0, 0},
+    {"weibull m x 1.1", 1, 1, 1.1, 1, 1, 0, 0, 0},
+    {"flaw seed + 1", 1, 1, 1, 1, 1, 1, 0, 0},
+    {"flaw seed + 2", 1, 1, 1, 1, 1, 2, 0, 0},
+    {"particles x 0.5", 1, 1, 1, 0.5, 1, 0, 0, 0},
+    {"particles x 2", 1, 1, 1, 2, 1, 0, 0, 0},
+    {"projectile particles x 5", 1, 1, 1, 1, 5, 0, 0, 0},
+    {"quadratic crush curve", 1, 1, 1, 1, 1, 0, 1, 0},
+    {"correction and Balsara off", 1, 1, 1, 1, 1, 0, 0, 1}};
+enum { IMPACT_ROWS = sizeof impact_rows / sizeof impact_rows[0] };
+
+static impact_settings impact_row_settings(const impact_settings *s, const impact_row *row) {
+    impact_settings own = *s;
+    own.target_diameter *= row->diameter;
+    own.weibull_k *= row->k;
+    own.weibull_m *= row->m;
+    own.particles = (long)((double)own.particles * row->particles);
+    own.projectile_particles = (long)((double)own.projectile_particles * row->projectile);
+    own.seed += row->seed;
+    if (row->curve) own.curve = 1;
+    if (row->off) own.correction = own.balsara = 0;
+    return own;
+}
+
+/* runs what the table lacks; linking length and threshold are other readings of the same run */
+static int impact_sensitivity(const impact_settings *s, const impact_options *o) {
+    static const double links[3] = {0.5, 1.0, 1.5}, below[3] = {0.5, 0.9, 0.99};
+    char out[EXAMPLE_PATH];
+    double since = example_clock();
+    int done = 0, ran = 0;
+    impact_table *table = impact_table_open(o->sensitivity);
+    for (int k = 0; k < IMPACT_ROWS; k++) {
+        impact_settings own = impact_row_settings(s, &impact_rows[k]);
+        done += impact_table_has(table, impact_rows[k].name, &own);
+    }
+    fprintf(stderr, "%d of %d runs are in %s\n", done, (int)IMPACT_ROWS, o->sensitivity);
+    for (int k = 0; k < IMPACT_ROWS; k++) {
+        impact_settings own = impact_row_settings(s, &impact_rows[k]);
+        if (impact_table_has(table, impact_rows[k].name, &own)) continue;
+        if (ran > 0)
+            fprintf(stderr, "about %.0f s left\n", (example_clock() - since) / ran *
+                                                       (IMPACT_ROWS - done));
+        fprintf(stderr, "%s\n", impact_rows[k].name);
+        snprintf(out, sizeof out, "%.980s/sensitivity_%d", o->out, k);
+        impact_run *run = impact_must_run(&own, o, out);
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++)
+                impact_table_add(table, impact_rows[k].name, &own, links[a], below[b],
+                                 impact_largest(&run->sim, links[a], below[b], run->target_mass),
+                                 &run->history);
+        impact_table_save(table);
+        impact_free(run);
+        ran++, done++;
+    }
+    impact_table_print(table);
+    free(table);
+    return 0;
+}
+
+/* two runs, correction and Balsara on and off, as one animated picture */
+static int impact_movie(const impact_settings *s, const impact_options *o) {
+    impact_settings own = *s;
+    char on[EXAMPLE_PATH], off[EXAMPLE_PATH];
+    own.every = own.t_end / 50.0;
+    snprintf(on, sizeof on, "%.990s/movie_on", o->out);
+    snprintf(off, sizeof off, "%.990s/movie_off", o->out);
+    fprintf(stderr, "correction and Balsara on\n");
+    impact_run *run = impact_must_run(&own, o, on);
+    int frames = run->history.count;
+    size_t particles = run->sim.p.n;
+    impact_free(run);
+    own.correction = own.balsara = 0;
+    fprintf(stderr, "correction and Balsara off\n");
+    run = impact_must_run(&own, o, off);
+    impact_free(run);
+    return impact_draw_movie(o->movie, on, off, frames, own.every, 0.5 * own.target_diameter,
+                             particles) ? 0 : 1;
+}
+
+int main(int argc, char **argv) {
+    impact_settings s = impact_default_settings();
+    impact_options o;
+    memset(&o, 0, sizeof o);
+    o.link = 1.0;
+    o.damage_below = 0.9;
+    o.compare = o.snapshots = 1;
+    o.compare_particles = 2500;
+    o.out = "build/impact";
+    const example_option options[] = {
+        example_count("particles", &s.particles, 10, 100000000, "of the target"),
+        example_count("projectile-particles", &s.projectile_particles, 10, 10000000,
+                      "of the projectile"),
+        example_number("speed", "m/s", &s.speed, 1.0, 1e5, "of the projectile"),
+        example_number("angle", "deg", &s.angle, 0.0, 89.0, "of the impact, from the normal"),
+        example_number("target-diameter", "m", &s.target_diameter, 1e-6, 1e7, "of the sphere"),
+        example_number("projectile-diameter", "m", &s.projectile_diameter, 1e-6, 1e7,
+                       "of the sphere"),
+        example_choice("curve", "two-exponent|quadratic", &s.curve, "crush curve of the pumice"),
+        example_choice("solver", "crush-space|bisection|newton|safe-newton", &s.solver,
+                       "of the P-alpha equation; newton fails"),
+        example_number("weibull-k", "m^-3", &s.weibull_k, 0.0, 1e300, "flaws: k eps^m a volume"),
+        example_number("weibull-m", "1", &s.weibull_m, 1.0, 100.0, "their exponent"),
+        example_count("seed", &s.seed, 0, 1000000000, "of lattice and flaws"),
+        example_count("ensemble", &o.ensemble, 0, 10000, "so many seeds: mean and spread"),
+        example_switch("correction", &s.correction, "of the kernel's gradient"),
+        example_switch("balsara", &s.balsara, "no shear viscosity"),
+        example_number("tension", "Pa", &s.tension, 0.0, 1e12, "that nylon bears"),
+        example_number("cfl", "1", &s.cfl, 1e-3, 1.0, "Courant number"),
+        example_number("t-end", "s", &s.t_end, 1e-12, 1e6, "end of the run"),
+        example_number("every", "s", &s.every, 0.0, 1e6, "between outputs; 0: 20 of them"),
+        example_vector("gauge", "x,y,z", s.gauge, 3, "[m] pressure against time there"),
+        example_number("link", "1", &o.link, 0.01, 10.0, "fragments: linking length, in supports"),
+        example_number("damage-below", "1", &o.damage_below, 0.0, 2.0, "fragments: particles' D"),
+        example_text("target", "FILE.hdf", &o.target_file, "a snapshot as the target"),
+        example_text("out", "DIR", &o.out, "where files and pictures go"),
+        example_text("resume", "FILE|auto", &o.resume, "go on from a checkpoint; auto: if there"),
+        example_count("threads", &o.threads, 0, 4096, "0: as many as there are"),
+        example_switch("compare", &o.compare, "also run with correction and Balsara off"),
+        example_count("compare-particles", &o.compare_particles, 0, 100000000, "of that run"),
+        example_switch("snapshots", &o.snapshots, "write them"),
+        example_text("sensitivity", "FILE.csv", &o.sensitivity, "run the table of assumptions"),
+        example_text("movie", "FILE.gif", &o.movie, "run on beside off, as a movie"),
+        example_flag("dry-run", &o.dry_run, "memory, steps and time only"),
+        example_flag("quiet", &o.quiet, "no progress on stderr")};
+    int count = (int)(sizeof options / sizeof options[0]);
+    example_parse(argc, argv, "a nylon sphere breaks a porous pumice target", SPHPA_VERSION,
+                  options, count);
+    example_threads(o.threads);
+    if (!impact_has_hdf5())
+        fprintf(stderr, "built without HDF5: plain text output, no checkpoints\n");
+    if (o.dry_run) return impact_dry_run(&s, &o);
+    if (o.sensitivity != NULL) {
+        o.snapshots = 0;
+        return impact_sensitivity(&s, &o);
+    }
+    if (o.movie != NULL) {
+        o.snapshots = 0;
+        return impact_movie(&s, &o);
+    }
+    return o.ensemble > 0 ? impact_ensemble(&s, &o) : impact_single(&s, &o);
+}

@@ -1,0 +1,41 @@
+#!/bin/sh
+# check_leave_out.sh: what a scene does not name is not in its program. The shock tube holds no symbol of
+# solids, pores, yield, damage or Tillotson; the impact, which names them all, does. Prints both sizes.
+# shellcheck source=tests/lib.sh
+. "$(dirname "$0")/lib.sh"
+
+if ! have nm || ! have strip; then
+    skip "what a program leaves out" "no nm or strip"
+    finish "nothing to look with"
+fi
+if [ ! -f examples/sod.c ] || [ ! -f examples/pumice_impact.c ]; then
+    skip "what a program leaves out" "examples/sod.c or examples/pumice_impact.c is missing"
+    finish "nothing to look at"
+fi
+found=$(found_for "$CC")
+[ -n "$(value GC_FLAGS "$found")" ] || { skip "what a program leaves out" "the linker has no --gc-sections"; finish "nothing left out"; }
+
+say "building examples/sod and examples/pumice_impact"
+$MAKE --no-print-directory INNER=1 BUILD="$work" -j"$JOBS" "$work/examples/sod" "$work/examples/pumice_impact" > "$work/make.log" 2>&1 || {
+    failed "they do not build:"
+    tail -n 15 "$work/make.log"
+    finish
+}
+unwanted='solid|pores|plastic|cracks|yield|damage|flaw|crush|palpha|tillotson'
+of_scene() { nm "$work/examples/$1" | awk '{ print $NF }' | plain_symbols | grep -E "^sphpa_.*($unwanted)"; }
+
+of_scene sod > "$work/sod.symbols"
+while IFS= read -r name; do failed "examples/sod holds $name"; done < "$work/sod.symbols"
+# the same search must find them where they belong, or it proves nothing
+for word in $(echo "$unwanted" | tr '|' ' '); do
+    of_scene pumice_impact | grep -q "$word" || echo "$word"
+done > "$work/unseen"
+[ "$(of_scene pumice_impact | wc -l)" -gt 10 ] || failed "the search finds next to nothing in pumice_impact"
+for program in sod pumice_impact; do
+    cp "$work/examples/$program" "$work/$program.stripped" && strip "$work/$program.stripped"
+    say "$program: $(wc -c < "$work/$program.stripped" | tr -d ' ') bytes stripped"
+done
+[ "$(wc -c < "$work/sod.stripped")" -lt "$(wc -c < "$work/pumice_impact.stripped")" ] ||
+    failed "the stripped sod is not smaller than pumice_impact"
+[ -s "$work/unseen" ] && say "pumice_impact itself has no symbol with: $(tr '\n' ' ' < "$work/unseen")(inlined)"
+finish "sod holds none of $unwanted"
