@@ -1269,6 +1269,8 @@ SPHPA_DEF sphpa_result sphpa_tree_friends(const sphpa_tree *tree, const double *
       "velocity gradient that strains the solid [1/s]")                                            \
     X(C, sphpa_real, 6, "CorrectionMatrices", 0, 0, 0, DERIVED, RESET, RESET,                      \
       "correction of the kernel's gradient [1]")                                                   \
+    X(cut, uint32_t, 1, "CutNeighbours", 0, 0, 0, DERIVED, RESET, RESET,                           \
+      "neighbours that do not strain the solid: foreign or broken [1]")                            \
     X(h0, sphpa_real, 1, "InitialSmoothingLengths", 1, 0, 0, CONSTANT, RESET, RESET,               \
       "smoothing length at the start [m]")                                                         \
     X(S, sphpa_real, 6, "DeviatoricStresses", -1, 1, -2, STATE, INTERPOLATE, BY_MASS,              \
@@ -1728,10 +1730,12 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
      (3) rho = rho_0 exp(-dt div v)          h = h_n exp(dt div v/dim), in [h_min, h_max] h0
      (4) dS/dt = 2 G (edot - tr edot/3 I) + W S - S W, the rotation exact
      (5) dv_i/dt = sum_j m_j (T_i + T_j - Pi I + f^n (R_i + R_j)) . grad W,  T = sigma' C/rho^2
-         between different bodies T = -max(P, 0)/rho^2 I (unless `bodies_stick`)
+         between different bodies (unless `bodies_stick`) and between a broken particle, D = 1, and
+         one that is not (unless `any_neighbour`) T = -max(P, 0)/rho^2 I; a particle with such
+         neighbours has C of the others, for what is not pressure
      (6) du_i/dt = - sum_j m_j v_ij . (T_i + (-Pi I + f^n (R_i + R_j))/2) . grad W with the
-         time-centred v: the heat is that of the particle's own stress, sigma:L/rho, and the sum over
-         a pair is the work of (5), so total energy is kept to rounding
+         time-centred v: the heat is that of the particle's own stress, sigma:L/rho, and the sum
+         over a pair is the work of (5), so total energy is kept to rounding
      (7) R = -eps sigma'/rho^2 in the principal directions under tension, f = W(r)/W(spacing)
    With one grad W for both particles linear momentum is exact; with C angular momentum is not.
    References: Benz & Asphaug 1995 (CPC 87); Bonet & Lok 1999 (CMAME 180; correction); Monaghan
@@ -1751,7 +1755,7 @@ typedef struct sphpa_solid_params {
     const sphpa_solid_material *material; /* (materials), by the particles' material */
     int materials;
     int correction;      /* not 0: kernel-gradient correction (1) */
-    int any_neighbour;   /* not 0: L of (2) from all neighbours, also damaged and foreign ones */
+    int any_neighbour;   /* not 0: L of (2) from all neighbours, also broken and foreign ones */
     int bodies_stick;    /* not 0: tension and shear act between different bodies */
     int damage_in_yield; /* not 0: S is not multiplied by 1 - D, for the yield surface knows D */
     double artificial_stress;   /* [1] eps of (7); 0: none; 0.2 to 0.3 where bodies are stretched */
@@ -1777,6 +1781,10 @@ SPHPA_DEF sphpa_module sphpa_solid(sphpa_solid_params *params);
    loads (S:edot >= 0), and 1 while it unloads. The dissipation is (1 - f) S:edot, so this is what
    keeps it from being negative: with f < 1 both ways (as published) a stress that is built up stiff
    and released soft gives back more than it took, and ringing pumice feeds on that.
+   FLAT curves carry alpha alone; HERRMANN ones also the least alpha so far, where the elastic line
+   starts. c, for the time step and the viscosity, is the matrix's, c^2 = c_s^2 + 4G/(3 rho_s), for
+   elastic waves and releases travel at it. A crushing wave is several times slower, so the linear
+   viscosity spreads a slow one over more particles than it would in dense material.
    References: Jutzi, Benz & Michel 2008 (Icarus 198), sections 2.2 and 2.3.
    Needs: solid, porosity. Read next: >>plastic, >>cracks (which read alpha where it is there).
    ============================================================================================== */
@@ -1791,15 +1799,20 @@ typedef struct sphpa_pores_stats {
     double distance_max; /* largest |alpha - curve(P)|/(alpha0 - 1) of a loading particle */
 } sphpa_pores_stats;
 
+/* Zeroed members are the defaults. Particles start with alpha between 1 and the curve's alpha0. */
 typedef struct sphpa_pores_params {
     const sphpa_solid_params *solid;      /* the scene's own */
-    const sphpa_crush *crush;             /* (materials); alpha0 <= 1: a dense material */
+    const sphpa_crush *crush;             /* (materials); alpha0 <= 1: a dense material; HERRMANN
+                                             curves need sphpa_crush_prepare first */
     const sphpa_tillotson *const *matrix; /* (materials); NULL for a dense material */
     sphpa_palpha_options options;
     sphpa_pores_stats stats;
     sphpa_palpha_solver solver;
 } sphpa_pores_params;
 
+/* Set solid and crush before this call: the fields follow from them. Errors at sphpa_sim_create:
+   _MISSING (a member, sphpa_solid() in the scene, an unprepared HERRMANN), _CURVE, _MATERIAL (also
+   two different rho0), _ALPHA (outside [1, alpha0], forgotten), _RANGE (solver, tol, material). */
 SPHPA_DEF sphpa_module sphpa_pores(sphpa_pores_params *params);
 
 /* ================================================================================================
@@ -6834,6 +6847,46 @@ SPHPA_PRIVATE_ sphpa_result sphpa_pass_check_(const sphpa_sim *sim, const sphpa_
     return SPHPA_OK;
 }
 
+/* the pass of that name, or the one that replaces it; NULL if there is none */
+SPHPA_PRIVATE_ const sphpa_pass *sphpa_pass_find_(const sphpa_scene *scene, const char *name,
+                                                  bool replacing, void **params) {
+    for (int m = 0; m < scene->modules; m++)
+        for (int k = 0; k < scene->module[m].passes; k++) {
+            const sphpa_pass *pass = &scene->module[m].pass[k];
+            const char *has = replacing ? pass->replaces : pass->name;
+            if (has == NULL || strcmp(has, name) != 0) continue;
+            *params = scene->module[m].params;
+            return pass;
+        }
+    return NULL;
+}
+
+/* puts a pass, or what replaces it, at the end; one that replaces another of its stage waits for
+   that one's place, so that the order of adding does not matter */
+SPHPA_PRIVATE_ sphpa_result sphpa_sim_place_pass_(sphpa_sim *sim, const sphpa_pass *pass,
+                                                  void *params, sphpa_error *err) {
+    const sphpa_scene *scene = &sim->scene;
+    void *other_params = NULL;
+    const sphpa_pass *other = NULL;
+    if (pass->replaces != NULL)
+        other = sphpa_pass_find_(scene, pass->replaces, false, &other_params);
+    if (other != NULL && other != pass && other->stage == pass->stage) return SPHPA_OK;
+    sphpa_result result = sphpa_pass_check_(sim, pass, err);
+    if (result != SPHPA_OK) return result;
+    for (int chain = 0; chain < SPHPA_SCENE_PASSES; chain++) {
+        other = sphpa_pass_find_(scene, pass->name, true, &other_params);
+        if (other == NULL) break;
+        if (other->stage != pass->stage) return SPHPA_OK;
+        result = sphpa_pass_check_(sim, other, err);
+        if (result != SPHPA_OK) return result;
+        pass = other;
+        params = other_params;
+    }
+    sim->pass_params[sim->passes] = params;
+    sim->pass[sim->passes++] = pass;
+    return SPHPA_OK;
+}
+
 /* orders the passes by stage; those of one stage stay in the order of adding */
 SPHPA_PRIVATE_ sphpa_result sphpa_sim_order_passes_(sphpa_sim *sim, sphpa_error *err) {
     sim->passes = 0;
@@ -6845,11 +6898,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_order_passes_(sphpa_sim *sim, sphpa_error 
                 if ((int)pass->stage != stage && (int)pass->stage >= 0 &&
                     pass->stage < SPHPA_STAGE_COUNT)
                     continue;
-                sphpa_result result = sphpa_pass_check_(sim, pass, err);
+                sphpa_result result = sphpa_sim_place_pass_(sim, pass, module->params, err);
                 if (result != SPHPA_OK) return result;
-                if (sphpa_pass_replaced_(&sim->scene, pass->name) > 0) continue;
-                sim->pass_params[sim->passes] = module->params;
-                sim->pass[sim->passes++] = pass;
             }
         }
     return SPHPA_OK;
@@ -8258,8 +8308,8 @@ SPHPA_PRIVATE_ void sphpa_solid_pack_points_(const sphpa_sim *sim, const void *p
     for (size_t i = first; i < last; i++) {
         sphpa_solid_point_ *point = (sphpa_solid_point_ *)records + i;
         for (size_t a = 0; a < 3; a++) point->v[a] = (double)p->v[3 * i + a];
-        /* of this evaluation, by the last rate: the density itself waits for the gradient, and C goes
-           into forces with the density that is yet to come */
+        /* of this evaluation, by the last rate: the density itself waits for the gradient, and C
+           goes into forces with the density that is yet to come */
         point->volume =
             (double)p->m[i] / p->start.rho[i] * exp(sim->dt_stage * (double)p->div_v[i]);
         point->D = p->D != NULL ? (double)p->D[i] : 0.0;
@@ -8337,8 +8387,8 @@ SPHPA_PRIVATE_ void sphpa_solid_spin_(const double A[9], const double M[6], doub
     w[2] = (c * p + (xy * xz - xx * yz) * q + (xx * yy - xy * xy) * r) / det;
 }
 
-/* L of (2). Where the inverse is not used whole, the rotation is taken out first and put back: a body
-   that turns rigidly is not strained, however few neighbours a particle has. */
+/* L of (2). Where the inverse is not used whole, the rotation is taken out first and put back: a
+   body that turns rigidly is not strained, however few neighbours a particle has. */
 SPHPA_PRIVATE_ sphpa_sym3 sphpa_solid_gradient_(const sphpa_solid_sums_ *sums, int dim,
                                                 bool correction, double L[9]) {
     sphpa_sym3 C = {1.0, 1.0, 1.0, 0.0, 0.0, 0.0};
@@ -8373,18 +8423,19 @@ SPHPA_PRIVATE_ void sphpa_solid_store_(sphpa_sim *sim, const sphpa_solid_params 
         sim->p.balsara[i] =
             (sphpa_real)(div / (div + sqrt(x * x + y * y + z * z) + noise + 1e-300));
     }
-    if (sim->p.C != NULL && !centred) {
-        const double c[6] = {C.xx, C.yy, C.zz, C.xy, C.yz, C.xz};
-        for (size_t k = 0; k < 6; k++) sim->p.C[6 * i + k] = (sphpa_real)c[k];
-    }
     if (left_out->count > 0.0) { /* the gradient that strains the solid leaves some out */
         sphpa_solid_sums_ own = *all;
         for (int k = 0; k < 9; k++) own.v[k] -= left_out->v[k];
         for (int k = 0; k < 6; k++) own.x[k] -= left_out->x[k];
         own.count -= left_out->count;
-        (void)sphpa_solid_gradient_(&own, sim->p.dim, solid->correction != 0, L);
+        C = sphpa_solid_gradient_(&own, sim->p.dim, solid->correction != 0, L);
     }
     for (size_t k = 0; k < 9; k++) sim->p.L[9 * i + k] = (sphpa_real)L[k];
+    if (!centred) sim->p.cut[i] = (uint32_t)left_out->count;
+    if (sim->p.C != NULL && !centred) { /* the one of L, so that stress works on what strains it */
+        const double c[6] = {C.xx, C.yy, C.zz, C.xy, C.yz, C.xz};
+        for (size_t k = 0; k < 6; k++) sim->p.C[6 * i + k] = (sphpa_real)c[k];
+    }
 }
 
 SPHPA_PRIVATE_ void sphpa_solid_gradients_(sphpa_sim *sim, void *params,
@@ -8446,7 +8497,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_solid_dense_(sphpa_sim *sim, const sphpa_solid
     const sphpa_solid_material *material = sphpa_solid_material_(solid, sim, i);
     sphpa_eos_point point;
     sphpa_result result =
-        material->eos.eval(material->eos.material, sim->p.rho[i], sphpa_max_(sim->p.u[i], 0.0), &point);
+        material->eos.eval(material->eos.material, sim->p.rho[i], sphpa_max_(sim->p.u[i], 0.0),
+                           &point);
     if (result != SPHPA_OK) return result;
     sim->p.P[i] = (sphpa_real)point.P;
     sim->p.c[i] = (sphpa_real)sphpa_solid_wave_(point.c, material->G, sim->p.rho[i]);
@@ -8539,16 +8591,19 @@ SPHPA_PRIVATE_ void sphpa_solid_pack_one_(const sphpa_sim *sim, const sphpa_soli
     for (int k = 0; k < 6; k++) record->R[k] = 0.0;
     if (solid->artificial_stress > 0.0)
         sphpa_solid_artificial_(&sigma, solid->artificial_stress * per_rho2, record->R);
-    const double A[9] = {per_rho2 * sigma.xx, per_rho2 * sigma.xy, per_rho2 * sigma.xz,
-                         per_rho2 * sigma.xy, per_rho2 * sigma.yy, per_rho2 * sigma.yz,
-                         per_rho2 * sigma.xz, per_rho2 * sigma.yz, per_rho2 * sigma.zz};
+    record->push = sphpa_max_(P, 0.0) * per_rho2;
+    /* C of a particle at a cut knows one side only; pressure acts across, and goes without it */
+    double across = p->cut[i] > 0 ? record->push : 0.0;
+    const double A[9] = {per_rho2 * sigma.xx + across, per_rho2 * sigma.xy, per_rho2 * sigma.xz,
+                         per_rho2 * sigma.xy, per_rho2 * sigma.yy + across, per_rho2 * sigma.yz,
+                         per_rho2 * sigma.xz, per_rho2 * sigma.yz, per_rho2 * sigma.zz + across};
     if (p->C != NULL) C = sphpa_sym3_load_(p->C + 6 * i);
     sphpa_solid_times_(A, &C, record->T);
+    for (size_t a = 0; a < 9; a += 4) record->T[a] -= across;
     for (size_t a = 0; a < 3; a++) {
         record->v[a] = (double)p->v[3 * i + a];
         record->mean_v[a] = sphpa_sim_mean_v_(sim, 3 * i + a);
     }
-    record->push = sphpa_max_(P, 0.0) * per_rho2;
     record->m = (double)p->m[i];
     record->rho = rho;
     record->c = (double)p->c[i];
@@ -8568,7 +8623,8 @@ typedef struct sphpa_solid_pair_ {
     double a, b;        /* of the viscosity */
     double h;           /* [m] of i */
     double per_W, exponent; /* 1/W(spacing) of i; n of (5), 0: no artificial stress */
-    bool stick;
+    bool stick; /* between bodies */
+    bool any;   /* broken neighbours count as whole ones */
 } sphpa_solid_pair_;
 
 SPHPA_PRIVATE_ sphpa_solid_pair_ sphpa_solid_pair_of_(const sphpa_sim *sim,
@@ -8579,6 +8635,7 @@ SPHPA_PRIVATE_ sphpa_solid_pair_ sphpa_solid_pair_of_(const sphpa_sim *sim,
     pair.h = (double)sim->p.h[i];
     pair.per_W = pair.exponent = 0.0;
     pair.stick = solid->bodies_stick != 0;
+    pair.any = solid->any_neighbour != 0;
     if (solid->artificial_stress > 0.0) {
         double spacing = solid->spacing > 0.0 ? solid->spacing : 1.0 / 1.2;
         pair.exponent = solid->artificial_exponent > 0.0 ? solid->artificial_exponent : 4.0;
@@ -8602,6 +8659,15 @@ SPHPA_PRIVATE_ const double *sphpa_solid_near_(const sphpa_sim *sim, const sphpa
     return f;
 }
 
+/* tension and shear pass between two particles of one body that are both whole or both broken: what
+   a whole one is not strained by (2) it must not work on either, or debris feeds on its stress */
+SPHPA_FORCE_INLINE_ bool sphpa_solid_joined_(const sphpa_solid_pair_ *pair,
+                                             const sphpa_solid_record_ *i,
+                                             const sphpa_solid_record_ *j) {
+    return (pair->stick || i->body == j->body) &&
+           (pair->any || (i->D >= 1.0) == (j->D >= 1.0));
+}
+
 /* scalar and tensor parts of what both particles share: -Pi and f^n (R_i + R_j), times x_ij */
 SPHPA_FORCE_INLINE_ void sphpa_solid_shared_(const sphpa_solid_pair_ *pair,
                                              const sphpa_solid_record_ *i,
@@ -8617,7 +8683,7 @@ SPHPA_FORCE_INLINE_ void sphpa_solid_shared_(const sphpa_solid_pair_ *pair,
                                  0.5 * (pair->h + near->h[k]), 0.5 * (i->c + j->c),
                                  0.5 * (i->rho + j->rho), mu);
     out[0] = -pi * x, out[1] = -pi * y, out[2] = -pi * z;
-    if (close != NULL && (pair->stick || i->body == j->body)) {
+    if (close != NULL && sphpa_solid_joined_(pair, i, j)) {
         double R[6];
         for (int c = 0; c < 6; c++) R[c] = close[k] * (i->R[c] + j->R[c]);
         out[0] += R[0] * x + R[3] * y + R[5] * z;
@@ -8649,7 +8715,7 @@ SPHPA_PRIVATE_ void sphpa_solid_forces_(sphpa_sim *sim, void *params,
         const sphpa_solid_record_ *other = records + near->j[k];
         double g = 0.5 * other->m * (gi[k] + gj[k]);
         double x = near->dx[k], y = near->dy[k], z = near->dz[k];
-        bool same = pair.stick || other->body == own->body;
+        bool same = sphpa_solid_joined_(&pair, own, other);
         sphpa_solid_shared_(&pair, own, other, near, close, k, shared, &mu);
         sphpa_solid_own_(own, same, x, y, z, mine);
         sphpa_solid_own_(other, same, x, y, z, theirs);
@@ -8684,7 +8750,7 @@ SPHPA_PRIVATE_ void sphpa_solid_energy_(sphpa_sim *sim, void *params,
         double dx = near->dx[k], dy = near->dy[k], dz = near->dz[k];
         double vx = other->mean_v[0] - own->mean_v[0], vy = other->mean_v[1] - own->mean_v[1];
         double vz = other->mean_v[2] - own->mean_v[2];
-        bool same = pair.stick || other->body == own->body;
+        bool same = sphpa_solid_joined_(&pair, own, other);
         sphpa_solid_shared_(&pair, own, other, near, close, k, shared, &mu);
         sphpa_solid_own_(own, same, dx, dy, dz, mine);
         sum += g * other->m *
@@ -8728,8 +8794,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_solid_setup_(sphpa_sim *sim, void *params, sph
     for (int k = 0; k < solid->materials; k++)
         if (solid->material[k].eos.eval == NULL || !(solid->material[k].G >= 0.0))
             return sphpa_error_set(err, SPHPA_ERROR_MATERIAL,
-                                   "solid: material %d has G = %g Pa and %s equation of state; give "
-                                   "G >= 0 and one",
+                                   "solid: material %d has G = %g Pa and %s equation of state; "
+                                   "give G >= 0 and one",
                                    k, solid->material[k].G,
                                    solid->material[k].eos.eval == NULL ? "no" : "an");
     for (size_t i = 0; i < sim->p.n; i++) {
@@ -8763,7 +8829,7 @@ SPHPA_PRIVATE_ void sphpa_solid_gradient_pass_(sphpa_module *module,
     sphpa_pass *gradients = sphpa_module_pass_(
         module, "solid gradients", SPHPA_STAGE_GRADIENTS,
         flow | SPHPA_F(body) | SPHPA_F(c) | SPHPA_F(P),
-        SPHPA_F(L) | SPHPA_F(div_v) | corrected | balsara);
+        SPHPA_F(L) | SPHPA_F(div_v) | SPHPA_F(cut) | corrected | balsara);
     gradients->kind = SPHPA_PASS_PAIR;
     gradients->record_bytes = sizeof(sphpa_solid_point_);
     gradients->pack = sphpa_solid_pack_points_;
@@ -8776,6 +8842,7 @@ SPHPA_PRIVATE_ void sphpa_solid_force_passes_(sphpa_module *module,
     sphpa_mask corrected = solid->correction ? SPHPA_F(C) : 0;
     sphpa_mask balsara = solid->viscosity.balsara ? SPHPA_F(balsara) : 0;
     sphpa_mask all = flow | corrected | balsara | SPHPA_F(P) | SPHPA_F(S) | SPHPA_F(c) |
+                     SPHPA_F(cut) |
                      SPHPA_F(body);
     sphpa_pass *forces = sphpa_module_pass_(module, "solid forces", SPHPA_STAGE_FORCES, all,
                                             SPHPA_F(a) | SPHPA_F(mu_max));
@@ -8968,8 +9035,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_pores_check_material_(const sphpa_pores_params
     double rho0 = pores->solid->material[k].eos.rho0;
     if (fabs(rho0 - matrix->rho0) > 1e-9 * matrix->rho0)
         return sphpa_error_set(err, SPHPA_ERROR_MATERIAL,
-                               "pores: material %d has rho0 = %g kg/m3 in solid and %g in its matrix; "
-                               "give both the same equation of state",
+                               "pores: material %d has rho0 = %g kg/m3 in solid and %g in its "
+                               "matrix; give both the same equation of state",
                                k, rho0, matrix->rho0);
     if (crush->elastic == SPHPA_CRUSH_HERRMANN && !(crush->K0 > 0.0))
         return sphpa_error_set(err, SPHPA_ERROR_MISSING,
@@ -8980,8 +9047,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_pores_check_material_(const sphpa_pores_params
     return result == SPHPA_OK
                ? result
                : sphpa_error_set(err, result,
-                                 "pores: solver %d, tol = %g, max_iterations = %d: %s; zeros are the "
-                                 "defaults", (int)pores->solver, pores->options.tol,
+                                 "pores: solver %d, tol = %g, max_iterations = %d: %s; zeros are "
+                                 "the defaults", (int)pores->solver, pores->options.tol,
                                  pores->options.max_iterations, sphpa_result_message(result));
 }
 
@@ -9029,8 +9096,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_pores_setup_(sphpa_sim *sim, void *params, sph
         there = there || sim->scene.module[m].params == (const void *)pores->solid;
     if (!there || pores->solid->material == NULL)
         return sphpa_error_set(err, SPHPA_ERROR_MISSING,
-                               "pores: the scene has no sphpa_solid() of these solid parameters; add "
-                               "it, with its materials");
+                               "pores: the scene has no sphpa_solid() of these solid parameters; "
+                               "add it, with its materials");
     for (size_t i = 0; i < sim->p.n; i++) {
         sphpa_result result = sphpa_pores_check_particle_(sim, pores, i, err);
         if (result != SPHPA_OK) return result;
@@ -9234,9 +9301,9 @@ typedef struct sphpa_cracks_place_ {
 } sphpa_cracks_place_;
 
 SPHPA_PRIVATE_ int sphpa_cracks_compare_(const void *a, const void *b) {
-    int64_t x = ((const sphpa_cracks_place_ *)a)->id, y = ((const sphpa_cracks_place_ *)b)->id;
-    return x != y ? (x > y) - (x < y)
-                  : (((const sphpa_cracks_place_ *)a)->i > ((const sphpa_cracks_place_ *)b)->i) * 2 - 1;
+    const sphpa_cracks_place_ *x = (const sphpa_cracks_place_ *)a;
+    const sphpa_cracks_place_ *y = (const sphpa_cracks_place_ *)b;
+    return x->id != y->id ? (x->id > y->id) - (x->id < y->id) : (x->i > y->i) * 2 - 1;
 }
 
 /* all particles by rising id; false: no memory */
@@ -10330,18 +10397,20 @@ SPHPA_PRIVATE_ sphpa_result sphpa_make_check_move_(const char *what, const sphpa
 SPHPA_DEF sphpa_result sphpa_make_shift(sphpa_particles *p, int32_t body, const double dx[3],
                                         sphpa_error *err) {
     sphpa_result result = sphpa_make_check_move_("sphpa_make_shift", p, body, "dx", dx, err);
-    for (size_t i = 0; result == SPHPA_OK && i < p->n; i++)
+    if (result != SPHPA_OK) return result;
+    for (size_t i = 0; i < p->n; i++)
         for (size_t a = 0; a < 3 && p->body[i] == body; a++) p->x[3 * i + a] += dx[a];
-    return result;
+    return SPHPA_OK;
 }
 
 SPHPA_DEF sphpa_result sphpa_make_kick(sphpa_particles *p, int32_t body, const double v[3],
                                        sphpa_error *err) {
     sphpa_result result = sphpa_make_check_move_("sphpa_make_kick", p, body, "v", v, err);
-    for (size_t i = 0; result == SPHPA_OK && i < p->n; i++)
+    if (result != SPHPA_OK) return result;
+    for (size_t i = 0; i < p->n; i++)
         for (size_t a = 0; a < 3 && p->body[i] == body; a++)
             p->v[3 * i + a] = (sphpa_real)((double)p->v[3 * i + a] + v[a]);
-    return result;
+    return SPHPA_OK;
 }
 
 SPHPA_EXTERN_C_END_

@@ -29,6 +29,7 @@
 #if EXAMPLE_POSIX
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 #elif defined(_WIN32)
 #include <direct.h>
@@ -105,7 +106,8 @@ static inline example_option example_option_(const char *name, const char *argum
 
 static inline example_option example_number(const char *name, const char *unit, double *value,
                                             double low, double high, const char *help) {
-    example_option option = example_option_(name, unit, value, EXAMPLE_NUMBER, help);
+    const char *shown = strcmp(unit, "1") == 0 ? "NUMBER" : unit; /* a pure number */
+    example_option option = example_option_(name, shown, value, EXAMPLE_NUMBER, help);
     option.low = low;
     option.high = high;
     return option;
@@ -224,7 +226,8 @@ static inline long example_parse_count_(const example_option *option, const char
     errno = 0;
     long value = strtol(text, &stop, 10);
     if (stop == text || *stop != '\0' || errno != 0)
-        example_fail(2, "--%s %s: not a whole number", option->name, text);
+        example_fail(2, "--%s %s: not a whole number; write --%s %.0f or the like", option->name,
+                     text, option->name, option->low > 1000.0 ? option->low : 1000.0);
     if ((double)value < option->low || (double)value > option->high)
         example_fail(2, "--%s %s: out of range; it goes from %.0f to %.0f", option->name, text,
                      option->low, option->high);
@@ -306,8 +309,17 @@ static inline void example_on_interrupt_(int number) {
 
 /* From now on Ctrl-C (and SIGTERM) sets the flag that this returns: sphpa_run.stop takes it. */
 static inline const volatile int *example_stop_on_interrupt(void) {
+#if EXAMPLE_POSIX
+    struct sigaction action;
+    memset(&action, 0, sizeof action);
+    action.sa_handler = example_on_interrupt_;
+    action.sa_flags = SA_RESTART; /* writing a file goes on */
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+#else
     signal(SIGINT, example_on_interrupt_);
     signal(SIGTERM, example_on_interrupt_);
+#endif
     return &example_stop_flag_;
 }
 
@@ -396,6 +408,16 @@ static inline int example_mkdir_(const char *path) {
 #endif
 }
 
+static inline bool example_is_folder_(const char *path) {
+#if EXAMPLE_POSIX
+    struct stat what;
+    return stat(path, &what) == 0 && S_ISDIR(what.st_mode);
+#else
+    (void)path;
+    return true; /* opening a file in it will tell */
+#endif
+}
+
 /* mkdir -p; ends the program where that cannot be done */
 static inline void example_folder(const char *path) {
     char part[EXAMPLE_PATH];
@@ -407,9 +429,11 @@ static inline void example_folder(const char *path) {
         if (path[k] != '/' && path[k] != '\0') continue;
         memcpy(part, path, k);
         part[k] = '\0';
-        if (example_mkdir_(part) != 0 && errno != EEXIST)
+        if (example_mkdir_(part) == 0) continue;
+        int why = errno;
+        if (!example_is_folder_(part))
             example_fail(1, "output folder %s: cannot make %s (%s); choose another with --out",
-                         path, part, strerror(errno));
+                         path, part, strerror(why));
     }
 }
 
@@ -447,11 +471,25 @@ static inline void example_close(example_file *file) {
 
 /* ---- pictures -------------------------------------------------------------------------------- */
 
+/* The shell's answer to a command: whether it went well. Ends the program where Ctrl-C ended the
+   command: system() keeps that signal from us. */
+static inline bool example_shell_(const char *command) {
+    int status = system(command);
+#if EXAMPLE_POSIX
+    if (status != -1 && WIFSIGNALED(status) &&
+        (WTERMSIG(status) == SIGINT || WTERMSIG(status) == SIGTERM)) {
+        fprintf(stderr, "%s: interrupted\n", *example_name_());
+        exit(128 + WTERMSIG(status));
+    }
+#endif
+    return status == 0;
+}
+
 static inline bool example_have_gnuplot(void) {
 #if defined(_WIN32)
-    return system("gnuplot --version > NUL 2>&1") == 0;
+    return example_shell_("gnuplot --version > NUL 2>&1");
 #else
-    return system("gnuplot --version > /dev/null 2>&1") == 0;
+    return example_shell_("gnuplot --version > /dev/null 2>&1");
 #endif
 }
 
@@ -469,8 +507,25 @@ static inline void example_quote_(char *out, size_t size, const char *text) {
     out[n] = '\0';
 }
 
-/* Draws FOLDER/NAME (.svg, .png or .gif) by a gnuplot script that reads its data from that folder; the
-   script is kept beside it as NAME.gp. Says on stderr what it drew or left out. */
+/* what gnuplot made has its name only once it is whole; what it failed on goes */
+static inline bool example_keep_picture_(const char *folder, const char *name, bool good) {
+    char path[2 * EXAMPLE_PATH], part[2 * EXAMPLE_PATH + 8];
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    snprintf(part, sizeof part, "%s.part", path);
+    FILE *made = fopen(part, "rb");
+    good = good && made != NULL && fgetc(made) != EOF;
+    if (made != NULL) fclose(made);
+#if !EXAMPLE_POSIX
+    if (good) remove(path);
+#endif
+    good = good && rename(part, path) == 0;
+    if (!good) remove(part);
+    return good;
+}
+
+/* Draws FOLDER/NAME (.svg, .png or .gif; no quotes in NAME) by a gnuplot script that reads its data
+   from that folder; the script is kept beside it as NAME.gp. Says on stderr what it drew or left
+   out. */
 static inline bool example_picture(const char *folder, const char *name, int width, int height,
                                    const char *script) {
     char script_name[EXAMPLE_PATH], quoted[2 * EXAMPLE_PATH], command[5 * EXAMPLE_PATH];
@@ -479,10 +534,11 @@ static inline bool example_picture(const char *folder, const char *name, int wid
     bool gif = dot != NULL && strcmp(dot, ".gif") == 0;
     snprintf(script_name, sizeof script_name, "%s.gp", name);
     example_file file = example_open(folder, script_name);
+    fprintf(file.stream, "if (!exists('part')) part = ''\n");
     fprintf(file.stream, "set terminal %s size %d,%d font 'Helvetica,%d' background 'white'\n",
             gif ? "gif animate delay 8" : png ? "pngcairo" : "svg", width, height,
             png || gif ? 11 : 14);
-    fprintf(file.stream, "set output '%s'\n%s\nset output\n", name, script);
+    fprintf(file.stream, "set output '%s'.part\n%s\nset output\n", name, script);
     example_close(&file);
     if (!example_have_gnuplot()) {
         fprintf(stderr, "left out %s/%s: no gnuplot here; install it, then: cd %s && gnuplot %s\n",
@@ -490,10 +546,11 @@ static inline bool example_picture(const char *folder, const char *name, int wid
         return false;
     }
     example_quote_(quoted, sizeof quoted, folder);
-    int n = snprintf(command, sizeof command, "cd %s && gnuplot ", quoted);
+    int n = snprintf(command, sizeof command, "CDPATH= cd -- %s && gnuplot -e \"part='.part'\" ",
+                     quoted);
     example_quote_(quoted, sizeof quoted, script_name);
     snprintf(command + n, sizeof command - (size_t)n, "%s", quoted);
-    bool good = system(command) == 0;
+    bool good = example_keep_picture_(folder, name, example_shell_(command));
     if (good) fprintf(stderr, "drew %s/%s\n", folder, name);
     else fprintf(stderr, "left out %s/%s: gnuplot failed on %s\n", folder, name, script_name);
     return good;

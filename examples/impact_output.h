@@ -22,6 +22,54 @@ static bool impact_has_hdf5(void) {
 #endif
 }
 
+/* ---- settings as a list ---------------------------------------------------------------------- */
+
+/* All that a resumed run must share with the one before, and that files tell of it. */
+typedef struct impact_setting {
+    const char *name; /* of the option; behind a blank, which part of it */
+    double value;
+} impact_setting;
+
+enum { IMPACT_LISTED = 21 };
+
+static void impact_list(const impact_settings *s, impact_setting list[IMPACT_LISTED]) {
+    const impact_setting all[IMPACT_LISTED] = {
+        {"speed", s->speed}, {"angle", s->angle}, {"target-diameter", s->target_diameter},
+        {"projectile-diameter", s->projectile_diameter}, {"particles", (double)s->particles},
+        {"projectile-particles", (double)s->projectile_particles}, {"curve", s->curve},
+        {"solver", s->solver}, {"weibull-k", s->weibull_k}, {"weibull-m", s->weibull_m},
+        {"seed", (double)s->seed}, {"lattice-seed", (double)s->lattice_seed},
+        {"correction", s->correction}, {"balsara", s->balsara}, {"tension", s->tension},
+        {"every", s->every}, {"gauge x", s->gauge[0]}, {"gauge y", s->gauge[1]},
+        {"gauge z", s->gauge[2]}, {"link", s->link}, {"damage-below", s->damage_below}};
+    memcpy(list, all, sizeof all);
+}
+
+#ifdef SPHPA_WITH_HDF5
+/* the list as the text that a file keeps under /Parameters; must live as long as the info */
+typedef struct impact_texts {
+    char key[IMPACT_LISTED][40], value[IMPACT_LISTED][32];
+    sphpa_setting setting[IMPACT_LISTED];
+} impact_texts;
+
+static sphpa_snapshot_info impact_info(const impact_settings *s, impact_texts *texts) {
+    sphpa_snapshot_info info;
+    impact_setting list[IMPACT_LISTED];
+    memset(&info, 0, sizeof info);
+    impact_list(s, list);
+    for (int k = 0; k < IMPACT_LISTED; k++) {
+        snprintf(texts->key[k], sizeof texts->key[k], "Impact:%s", list[k].name);
+        snprintf(texts->value[k], sizeof texts->value[k], "%.17g", list[k].value);
+        texts->setting[k].key = texts->key[k];
+        texts->setting[k].value = texts->value[k];
+    }
+    info.run = "pumice_impact";
+    info.settings = texts->setting;
+    info.settings_count = IMPACT_LISTED;
+    return info;
+}
+#endif
+
 /* the target's centre on every axis [m]: all coordinates are positive, as some readers want them */
 static double impact_origin(const impact_settings *s) { return 2.0 * s->target_diameter; }
 
@@ -43,27 +91,31 @@ static void impact_log_line(FILE *log, const sphpa_sim *sim, const sphpa_totals 
             sim->stats.limit[sim->stats.limit_last].name);
 }
 
-/* A log that is begun anew (until < 0), or continued: lines whose first number is above `until` are
-   of steps that will be made again, and go. NULL, with a word on stderr, if it cannot be written. */
+/* A log that is begun anew (until < 0), or continued: lines whose first number is above `until`
+   (rounded as the log's numbers are) are of steps that will be made again, and go; so does a line
+   that was cut off. Ends the program where it cannot be written. */
 static FILE *impact_reopen(const char *path, double until, const char *header) {
     char line[1024], part[EXAMPLE_PATH + 64];
     snprintf(part, sizeof part, "%s.part", path);
     FILE *old = until >= 0.0 ? fopen(path, "r") : NULL, *log = fopen(part, "w");
     if (log != NULL && old == NULL) fputs(header, log);
     while (log != NULL && old != NULL && fgets(line, sizeof line, old) != NULL)
-        if (line[0] == '#' || strtod(line, NULL) <= until * (1.0 + 1e-12)) fputs(line, log);
+        if (strchr(line, '\n') != NULL &&
+            (line[0] == '#' || strtod(line, NULL) <= until * (1.0 + 1e-9)))
+            fputs(line, log);
     if (old != NULL) fclose(old);
-    if (log == NULL || fflush(log) != 0 || rename(part, path) != 0) {
-        if (log != NULL) fclose(log);
+    if (log == NULL || fflush(log) != 0 || ferror(log) || rename(part, path) != 0) {
+        int why = errno;
+        if (log != NULL) fclose(log), remove(part);
         example_fail(1, "cannot write %s (%s); choose another folder with --out", path,
-                     strerror(errno));
+                     strerror(why));
     }
     return log;
 }
 
-/* [Pa] the pressure at a point relative to the target's centre: sum over what reaches it, divided by
-   the sum of the weights; 0 where nothing does */
-static double impact_gauge(const sphpa_sim *sim, const impact_settings *s) {
+/* [Pa] the pressure at a point relative to the target's centre: sum over what reaches it, divided
+   by the sum of the weights; 0, and false, where nothing does */
+static bool impact_gauge(const sphpa_sim *sim, const impact_settings *s, double *pressure) {
     const sphpa_particles *p = &sim->p;
     double sum = 0.0, weight = 0.0, origin = impact_origin(s);
     double at[3] = {origin + s->gauge[0], origin + s->gauge[1], origin + s->gauge[2]};
@@ -77,7 +129,8 @@ static double impact_gauge(const sphpa_sim *sim, const impact_settings *s) {
         sum += w * (double)p->P[i];
         weight += w;
     }
-    return weight > 0.0 ? sum / weight : 0.0;
+    *pressure = weight > 0.0 ? sum / weight : 0.0;
+    return weight > 0.0;
 }
 
 /* ---- fragments ------------------------------------------------------------------------------- */
@@ -104,11 +157,11 @@ static double impact_largest(const sphpa_sim *sim, double link, double below, do
     return share;
 }
 
-static sphpa_result impact_record_now(const sphpa_sim *sim, const impact_options *o,
+static sphpa_result impact_record_now(const sphpa_sim *sim, const impact_settings *s,
                                       double target_mass, impact_record *record,
                                       sphpa_error *err) {
     sphpa_fragments found;
-    sphpa_result result = impact_find(sim, o->link, o->damage_below, &found, err);
+    sphpa_result result = impact_find(sim, s->link, s->damage_below, &found, err);
     if (result != SPHPA_OK) return result;
     record->time = sim->time;
     record->largest = sphpa_fragment_largest(&found, target_mass);
@@ -152,33 +205,45 @@ static void impact_write_cut(const char *out, int index, const sphpa_sim *sim,
     example_close(&file);
 }
 
+/* whether the folder has it: that of a run which went on elsewhere lacks the earlier outputs */
+static bool impact_there(const char *out, const char *name) {
+    char path[EXAMPLE_PATH + 64];
+    snprintf(path, sizeof path, "%s/%s", out, name);
+    FILE *file = fopen(path, "rb");
+    if (file != NULL) fclose(file);
+    return file != NULL;
+}
+
 #ifdef SPHPA_WITH_HDF5
 static sphpa_result impact_write_snapshot(const char *out, const impact_history *history,
-                                          const sphpa_sim *sim, sphpa_error *err) {
+                                          const sphpa_sim *sim, const impact_settings *s,
+                                          sphpa_error *err) {
     static char name[IMPACT_RECORDS][32];
     const char *names[IMPACT_RECORDS];
     double times[IMPACT_RECORDS];
     char path[EXAMPLE_PATH + 64];
-    sphpa_snapshot_info info;
-    memset(&info, 0, sizeof info);
-    info.run = "pumice_impact";
-    int count = history->count + 1; /* with the one under way */
-    for (int k = 0; k < count; k++) {
-        snprintf(name[k], sizeof name[k], "impact_%04d.hdf", k);
-        names[k] = name[k];
-        times[k] = history->record[k].time;
-    }
-    snprintf(path, sizeof path, "%s/%s", out, names[count - 1]);
+    impact_texts texts;
+    sphpa_snapshot_info info = impact_info(s, &texts);
+    snprintf(path, sizeof path, "%s/impact_%04d.hdf", out, history->count);
     sphpa_result result = sphpa_snapshot_write(sim, path, &info, err);
     if (result != SPHPA_OK) return result;
+    size_t count = 0;
+    for (int k = 0; k <= history->count; k++) { /* with the one under way */
+        snprintf(name[count], sizeof name[count], "impact_%04d.hdf", k);
+        if (!impact_there(out, name[count])) continue;
+        names[count] = name[count];
+        times[count++] = history->record[k].time;
+    }
     snprintf(path, sizeof path, "%s/impact.hdf.series", out);
-    return sphpa_series_write(path, names, times, (size_t)count, err);
+    return sphpa_series_write(path, names, times, count, err);
 }
 #else
 static sphpa_result impact_write_snapshot(const char *out, const impact_history *history,
-                                          const sphpa_sim *sim, sphpa_error *err) {
+                                          const sphpa_sim *sim, const impact_settings *s,
+                                          sphpa_error *err) {
     char name[64];
     const sphpa_particles *p = &sim->p;
+    (void)s;
     (void)err;
     snprintf(name, sizeof name, "impact_%04d.txt", history->count);
     example_file file = example_open(out, name);
@@ -202,7 +267,7 @@ static sphpa_result impact_write_state(const char *out, const impact_history *hi
                                        int snapshots, sphpa_error *err) {
     impact_write_palpha(out, history->count, sim);
     impact_write_cut(out, history->count, sim, s);
-    return snapshots ? impact_write_snapshot(out, history, sim, err) : SPHPA_OK;
+    return snapshots ? impact_write_snapshot(out, history, sim, s, err) : SPHPA_OK;
 }
 
 /* ---- results --------------------------------------------------------------------------------- */
@@ -217,9 +282,10 @@ static void impact_write_curve(const char *out, const sphpa_crush *crush) {
     example_close(&file);
 }
 
-static void impact_write_results(const char *out, const impact_history *history,
-                                 const sphpa_sim *sim, const impact_options *o, double target_mass,
-                                 const sphpa_crush *crush) {
+/* returns the number of fragments */
+static size_t impact_write_results(const char *out, const impact_history *history,
+                                   const sphpa_sim *sim, const impact_settings *s,
+                                   double target_mass, const sphpa_crush *crush) {
     sphpa_fragments found;
     sphpa_error err;
     example_file file = example_open(out, "largest.dat");
@@ -229,7 +295,7 @@ static void impact_write_results(const char *out, const impact_history *history,
                 history->record[k].largest, history->record[k].second, history->record[k].dust);
     example_close(&file);
     impact_write_curve(out, crush);
-    if (impact_find(sim, o->link, o->damage_below, &found, &err) != SPHPA_OK)
+    if (impact_find(sim, s->link, s->damage_below, &found, &err) != SPHPA_OK)
         example_fail(1, "fragments: %s", err.message);
     double *mass = (double *)malloc((found.count + 1) * sizeof(double));
     size_t *number = (size_t *)malloc((found.count + 1) * sizeof(size_t));
@@ -243,6 +309,7 @@ static void impact_write_results(const char *out, const impact_history *history,
     free(mass);
     free(number);
     sphpa_fragment_free(&found);
+    return count;
 }
 
 /* ---- pictures -------------------------------------------------------------------------------- */
@@ -254,12 +321,15 @@ static void impact_draw_palpha(const char *out, const impact_history *history) {
                      "set xlabel 'pressure P [Pa]'\nset ylabel 'distention {/Symbol a}'\n"
                      "set logscale x\nset format x '10^{%%T}'\nset xrange [1e5:1e10]\n"
                      "set yrange [0.9:4.9]\nset key top right box opaque\nset grid\nplot ");
-    for (int k = 1; k <= 4; k++) {
+    for (int k = 1, last = -1; k <= 4; k++) {
+        char name[32];
         int index = (history->count - 1) * k / 4;
+        snprintf(name, sizeof name, "palpha_%04d.dat", index);
+        if (index == last || !impact_there(out, name)) continue;
+        last = index;
         n += snprintf(script + n, sizeof script - (size_t)n,
-                      "'palpha_%04d.dat' using 1:2 with points pointtype 7 pointsize 0.35 title "
-                      "'t = %.0f {/Symbol m}s', ",
-                      index, 1e6 * history->record[index].time);
+                      "'%s' using 1:2 with points pointtype 7 pointsize 0.35 title "
+                      "'t = %.3g {/Symbol m}s', ", name, 1e6 * history->record[index].time);
     }
     snprintf(script + n, sizeof script - (size_t)n,
              "'curve.dat' with lines linewidth 2 linecolor 'black' title 'crush curve'");
@@ -277,7 +347,7 @@ static void impact_draw_cut(const char *out, const impact_history *history, size
     int index = history->count - 1;
     double r = 160.0 * radius, point = impact_point(particles);
     snprintf(script, sizeof script,
-             "set multiplot layout 1,2 title 'Cut through the target at t = %.0f {/Symbol m}s'\n"
+             "set multiplot layout 1,2 title 'Cut through the target at t = %.3g {/Symbol m}s'\n"
              "set size ratio -1\nset xrange [%g:%g]\nset yrange [%g:%g]\nunset key\n"
              "set xlabel 'x [cm]'\nset ylabel 'z [cm]'\n"
              "set palette defined (0 '#2c3e82', 0.5 '#e8e2d0', 1 '#b0281a')\n"
@@ -293,7 +363,11 @@ static void impact_draw_cut(const char *out, const impact_history *history, size
     example_picture(out, "cut.png", 1200, 560, script);
 }
 
-static void impact_draw_spectrum(const char *out) {
+static void impact_draw_spectrum(const char *out, size_t fragments) {
+    if (fragments == 0) {
+        fprintf(stderr, "left out %s/spectrum.svg: no fragments, all is damaged\n", out);
+        return;
+    }
     example_picture(
         out, "spectrum.svg", 800, 560,
         "set title 'Cumulative mass spectrum of the fragments'\n"
@@ -333,10 +407,10 @@ static void impact_draw_gauge(const char *out, const impact_settings *s) {
 }
 
 static void impact_draw(const char *out, const impact_history *history, size_t particles,
-                        const impact_settings *s) {
+                        const impact_settings *s, size_t fragments) {
     impact_draw_palpha(out, history);
     impact_draw_cut(out, history, particles, 0.5 * s->target_diameter);
-    impact_draw_spectrum(out);
+    impact_draw_spectrum(out, fragments);
     impact_draw_largest(out);
     impact_draw_gauge(out, s);
 }
@@ -361,36 +435,56 @@ static void impact_draw_beside(const char *out, const impact_history *on, size_t
     example_picture(out, "beside.png", 1200, 580, script);
 }
 
+/* "dir/name" into the folder "dir" (or "." or "/"); returns the name */
+static const char *impact_split(const char *path, char folder[EXAMPLE_PATH]) {
+    const char *slash = strrchr(path, '/');
+    if (slash == NULL) snprintf(folder, EXAMPLE_PATH, ".");
+    else snprintf(folder, EXAMPLE_PATH, "%.*s", slash > path ? (int)(slash - path) : 1, path);
+    return slash != NULL ? slash + 1 : path;
+}
+
+/* a path as gnuplot finds it from any folder, for between single quotes */
+static void impact_absolute(const char *path, char text[3 * EXAMPLE_PATH]) {
+    char here[EXAMPLE_PATH] = "";
+    size_t n = 0;
+    if (path[0] != '/' && getcwd(here, sizeof here - 1) != NULL) strcat(here, "/");
+    for (int part = 0; part < 2; part++)
+        for (const char *c = part == 0 ? here : path; *c != '\0' && n + 3 < 3 * EXAMPLE_PATH; c++) {
+            if (*c == '\'') text[n++] = *c;
+            text[n++] = *c;
+        }
+    text[n] = '\0';
+}
+
 /* frames of both runs as an animated GIF */
 static bool impact_draw_movie(const char *movie, const char *on, const char *off, int frames,
                               double every, double radius, size_t particles) {
-    char script[4096], folder[EXAMPLE_PATH];
-    const char *slash = strrchr(movie, '/');
-    snprintf(folder, sizeof folder, "%.*s", slash != NULL ? (int)(slash - movie) : 1,
-             slash != NULL ? movie : ".");
-    example_folder(folder);
+    static char script[8 * EXAMPLE_PATH], on_path[3 * EXAMPLE_PATH], off_path[3 * EXAMPLE_PATH];
+    char folder[EXAMPLE_PATH];
+    const char *name = impact_split(movie, folder);
     double r = 160.0 * radius, point = impact_point(particles);
-    char here[EXAMPLE_PATH];
-    if (getcwd(here, sizeof here) == NULL) here[0] = '\0';
+    impact_absolute(on, on_path);
+    impact_absolute(off, off_path);
     snprintf(script, sizeof script,
+             "on = '%s'\noff = '%s'\n"
              "set size ratio -1\nset xrange [%g:%g]\nset yrange [%g:%g]\nunset key\n"
              "set xlabel 'x [cm]'\nset ylabel 'z [cm]'\nset cblabel 'damage D'\n"
              "set cbrange [0:1]\nset palette defined (0 '#2c3e82', 0.5 '#e8e2d0', 1 '#b0281a')\n"
              "do for [k=0:%d] {\n"
              "set multiplot layout 1,2 title sprintf('t = %%.1f {/Symbol m}s', k*%g)\n"
              "set title 'correction and Balsara on'\n"
-             "plot sprintf('%s/%s/cut_%%04d.dat', k) using 1:2:4 with points pointtype 7 "
+             "plot sprintf('%%s/cut_%%04d.dat', on, k) using 1:2:4 with points pointtype 7 "
              "pointsize %g palette\n"
              "set title 'both off'\n"
-             "plot sprintf('%s/%s/cut_%%04d.dat', k) using 1:2:4 with points pointtype 7 "
+             "plot sprintf('%%s/cut_%%04d.dat', off, k) using 1:2:4 with points pointtype 7 "
              "pointsize %g palette\nunset multiplot\n}",
-             -r, r, -r, r, frames - 1, 1e6 * every, here, on, point, here, off, point);
-    return example_picture(folder, slash != NULL ? slash + 1 : movie, 1000, 520, script);
+             on_path, off_path, -r, r, -r, r, frames - 1, 1e6 * every, point, point);
+    return example_picture(folder, name, 1000, 520, script);
 }
 
 /* ---- the table of assumptions ---------------------------------------------------------------- */
 
-enum { IMPACT_TABLE_LINES = 512, IMPACT_TABLE_WIDTH = 256 };
+enum { IMPACT_TABLE_LINES = 2048, IMPACT_TABLE_WIDTH = 512 };
 
 /* A CSV file in memory: what was there and what is added. */
 typedef struct impact_table {
@@ -400,35 +494,55 @@ typedef struct impact_table {
 } impact_table;
 
 static const char impact_table_header[] =
-    "run,target_diameter_m,weibull_k,weibull_m,seed,particles,projectile_particles,curve,"
-    "correction,balsara,t_end_s,link,damage_below,largest,settled";
+    "run,speed_m_s,angle_deg,target_diameter_m,projectile_diameter_m,weibull_k,weibull_m,seed,"
+    "lattice_seed,particles,projectile_particles,curve,solver,correction,balsara,tension_Pa,cfl,"
+    "t_end_s,every_s,link,damage_below,largest,settled";
 
+static void impact_table_save(const impact_table *table) {
+    char folder[EXAMPLE_PATH];
+    const char *name = impact_split(table->path, folder);
+    example_folder(folder);
+    example_file file = example_open(folder, name);
+    fprintf(file.stream, "%s\n", impact_table_header);
+    for (int k = 0; k < table->count; k++) fprintf(file.stream, "%s\n", table->line[k]);
+    example_close(&file);
+}
+
+/* what is there already; saved at once, so that a place that cannot be written is found early */
 static impact_table *impact_table_open(const char *path) {
     impact_table *table = (impact_table *)calloc(1, sizeof *table);
     if (table == NULL) example_fail(1, "out of memory");
     table->path = path;
     FILE *file = fopen(path, "r");
-    if (file == NULL) return table;
+    if (file == NULL && errno != ENOENT)
+        example_fail(1, "--sensitivity %s: %s; give another name", path, strerror(errno));
     char line[IMPACT_TABLE_WIDTH];
     bool first = true;
-    while (fgets(line, sizeof line, file) != NULL && table->count < IMPACT_TABLE_LINES) {
+    while (file != NULL && fgets(line, sizeof line, file) != NULL) {
+        bool whole = strchr(line, '\n') != NULL;
         line[strcspn(line, "\r\n")] = '\0';
-        if (first && strcmp(line, impact_table_header) != 0)
-            example_fail(1, "%s is not a table of this program; move it away", path);
+        if (!whole || (first && strcmp(line, impact_table_header) != 0))
+            example_fail(1, "%s is not a table of this program's; move it away", path);
+        if (table->count >= IMPACT_TABLE_LINES)
+            example_fail(1, "%s has more than %d lines; move it away", path, IMPACT_TABLE_LINES);
         if (!first) memcpy(table->line[table->count++], line, sizeof line);
         first = false;
     }
-    fclose(file);
+    if (file != NULL) fclose(file);
+    impact_table_save(table);
     return table;
 }
 
 /* the columns of one run, without those of the reading */
 static void impact_table_key(char key[IMPACT_TABLE_WIDTH], const char *name,
                              const impact_settings *s) {
-    snprintf(key, IMPACT_TABLE_WIDTH, "%s,%g,%g,%g,%ld,%ld,%ld,%s,%s,%s,%g,", name,
-             s->target_diameter, s->weibull_k, s->weibull_m, s->seed, s->particles,
-             s->projectile_particles, s->curve == 0 ? "two-exponent" : "quadratic",
-             s->correction ? "on" : "off", s->balsara ? "on" : "off", s->t_end);
+    snprintf(key, IMPACT_TABLE_WIDTH,
+             "%s,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%ld,%ld,%ld,%ld,%s,%d,%s,%s,%.9g,%.9g,%.9g,%.9g,",
+             name, s->speed, s->angle, s->target_diameter, s->projectile_diameter, s->weibull_k,
+             s->weibull_m, s->seed, s->lattice_seed, s->particles, s->projectile_particles,
+             s->curve == 0 ? "two-exponent" : "quadratic", s->solver, s->correction ? "on" : "off",
+             s->balsara ? "on" : "off", s->tension, s->cfl, s->t_end,
+             s->every > 0.0 ? s->every : s->t_end / 20.0);
 }
 
 static bool impact_table_has(const impact_table *table, const char *name,
@@ -451,20 +565,8 @@ static void impact_table_add(impact_table *table, const char *name, const impact
     int last = history->count - 1;
     bool settled = last > 0 && fabs(history->record[last].largest -
                                     history->record[last - 1].largest) < 0.01;
-    snprintf(table->line[table->count++], IMPACT_TABLE_WIDTH, "%.180s%g,%g,%.4f,%s", key, link,
+    snprintf(table->line[table->count++], IMPACT_TABLE_WIDTH, "%.440s%g,%g,%.4f,%s", key, link,
              below, largest, settled ? "yes" : "no");
-}
-
-static void impact_table_save(const impact_table *table) {
-    char folder[EXAMPLE_PATH];
-    const char *slash = strrchr(table->path, '/');
-    snprintf(folder, sizeof folder, "%.*s", slash != NULL ? (int)(slash - table->path) : 1,
-             slash != NULL ? table->path : ".");
-    example_folder(folder);
-    example_file file = example_open(folder, slash != NULL ? slash + 1 : table->path);
-    fprintf(file.stream, "%s\n", impact_table_header);
-    for (int k = 0; k < table->count; k++) fprintf(file.stream, "%s\n", table->line[k]);
-    example_close(&file);
 }
 
 static void impact_table_print(const impact_table *table) {

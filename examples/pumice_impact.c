@@ -1,8 +1,9 @@
-/* pumice_impact.c: a nylon sphere hits a porous pumice sphere, after the experiment of Jutzi, Michel,
-   Hiraoka, Nakamura & Benz 2009 (Icarus 201): 2.58 km/s, largest fragment 9.96 % of the target.
+/* pumice_impact.c: a nylon sphere hits a porous pumice sphere, after the experiment of Jutzi,
+   Michel, Hiraoka, Nakamura & Benz 2009 (Icarus 201): 2.58 km/s, largest fragment 9.96 % of the
+   target.
 
-   What is known of that experiment and what is assumed is printed at the end of every run. This file
-   sets the scene and runs it; files and pictures are made in impact_output.h. */
+   What is known of that experiment and what is assumed is printed at the end of every run. This
+   file sets the scene and runs it; files and pictures are made in impact_output.h. */
 #include "example.h"
 
 #define SPHPA_IMPLEMENTATION
@@ -12,12 +13,14 @@
 #include "sphpa.h"
 
 #define IMPACT_RECORDS 512 /* outputs of a run, at most */
+#define IMPACT_SETTLE 4    /* steps between places where a run may be interrupted */
 
 /* ---- settings -------------------------------------------------------------------------------- */
 
 enum { IMPACT_TARGET = 0, IMPACT_PROJECTILE, IMPACT_BODIES }; /* bodies, and their materials */
 
-/* What the command line sets. Numbers only: a checkpoint keeps it, and a resumed run compares. */
+/* What the command line sets. Numbers only: a checkpoint keeps it, and a resumed run compares
+   (impact_list). */
 typedef struct impact_settings {
     double speed;              /* [m/s] */
     double angle;              /* [deg] from the surface's normal */
@@ -28,16 +31,17 @@ typedef struct impact_settings {
     double cfl;                /* [1] */
     double t_end, every;       /* [s] */
     double gauge[3];           /* [m] */
-    long particles, projectile_particles, seed;
+    double link, damage_below; /* [1] of the fragments, see sphpa_fragment_options */
+    long particles, projectile_particles, seed, lattice_seed;
     int curve, solver, correction, balsara; /* curve 0: two exponents, 1: quadratic */
 } impact_settings;
 
 /* How it is run and what is made of it. */
 typedef struct impact_options {
-    double link, damage_below; /* [1] of the fragments, see sphpa_fragment_options */
     long ensemble, threads, compare_particles;
     int dry_run, quiet, compare, snapshots;
     const char *out, *resume, *sensitivity, *movie, *target_file;
+    const char *go_on; /* what --resume takes after an interrupt; NULL: the run's own checkpoint */
 } impact_options;
 
 static impact_settings impact_default_settings(void) {
@@ -54,7 +58,9 @@ static impact_settings impact_default_settings(void) {
     s.gauge[2] = 0.025;
     s.particles = 10000;
     s.projectile_particles = 200;
-    s.seed = 1;
+    s.link = 1.0;
+    s.damage_below = 0.9;
+    s.seed = s.lattice_seed = 1;
     s.correction = s.balsara = 1;
     return s;
 }
@@ -120,24 +126,46 @@ static void impact_modules(impact_scene *scene, const impact_settings *s) {
     sphpa_scene_add(&scene->scene, sphpa_cracks(&scene->cracks));
 }
 
-/* a target of the user's own: its particles as they are, as body 0 of pumice, at rest */
+/* particles of a file become body 0 of pumice, at rest, around the scene's centre; the target's
+   diameter becomes that of the sphere around them */
+static void impact_place_target(sphpa_particles *p, impact_settings *s) {
+    double mean[3] = {0.0, 0.0, 0.0}, far = 0.0, alpha0 = sphpa_crush_pumice().alpha0;
+    for (size_t i = 0; i < p->n; i++)
+        for (size_t a = 0; a < 3; a++) mean[a] += p->x[3 * i + a] / (double)p->n;
+    for (size_t i = 0; i < p->n; i++) {
+        double r2 = 0.0;
+        for (size_t a = 0; a < 3; a++)
+            r2 += (p->x[3 * i + a] - mean[a]) * (p->x[3 * i + a] - mean[a]);
+        far = fmax(far, sqrt(r2) + 0.5 * (double)p->h[i] / 1.2);
+    }
+    s->target_diameter = 2.0 * far;
+    for (size_t i = 0; i < p->n; i++) {
+        for (size_t a = 0; a < 3; a++) {
+            p->x[3 * i + a] += impact_origin(s) - mean[a];
+            p->v[3 * i + a] = 0;
+        }
+        p->body[i] = p->material[i] = IMPACT_TARGET;
+        if (p->alpha[i] < 1.0) p->alpha[i] = alpha0;
+    }
+}
+
 static sphpa_result impact_read_target(sphpa_particles *bodies, const char *path,
-                                       sphpa_error *err) {
+                                       impact_settings *s, sphpa_error *err) {
 #ifdef SPHPA_WITH_HDF5
     sphpa_particles shape;
     sphpa_result result = sphpa_snapshot_read(path, &shape, NULL, err);
     if (result != SPHPA_OK) return result;
-    result = sphpa_make_begin(bodies, 3, err);
-    if (result == SPHPA_OK) result = sphpa_particles_append(bodies, &shape, err);
-    double alpha0 = sphpa_crush_pumice().alpha0;
-    for (size_t i = 0; result == SPHPA_OK && i < bodies->n; i++) {
-        bodies->body[i] = bodies->material[i] = IMPACT_TARGET;
-        if (bodies->alpha[i] < 1.0) bodies->alpha[i] = alpha0;
-    }
+    if (shape.dim == 3) {
+        result = sphpa_make_begin(bodies, 3, err);
+        if (result == SPHPA_OK) result = sphpa_particles_append(bodies, &shape, err);
+        if (result == SPHPA_OK) impact_place_target(bodies, s);
+    } else result = sphpa_error_set(err, SPHPA_ERROR_FORMAT,
+                                    "--target %s: %d-D; give a body in 3-D", path, shape.dim);
     sphpa_particles_free(&shape);
     return result;
 #else
     (void)bodies;
+    (void)s;
     return sphpa_error_set(err, SPHPA_ERROR_MISSING,
                            "--target %s: this program was built without HDF5; install it (make "
                            "deps) and build again", path);
@@ -146,9 +174,7 @@ static sphpa_result impact_read_target(sphpa_particles *bodies, const char *path
 
 /* the target and, above it, the projectile half a spacing from its surface, flying along -z */
 static sphpa_result impact_bodies(sphpa_particles *p, const impact_scene *scene,
-                                  const impact_settings *s, const char *target_file,
-                                  sphpa_error *err) {
-    double radius = 0.5 * s->target_diameter, small = 0.5 * s->projectile_diameter;
+                                  impact_settings *s, const char *target_file, sphpa_error *err) {
     double theta = s->angle * 3.14159265358979323846 / 180.0, origin = impact_origin(s);
     double centre[3] = {origin, origin, origin};
     sphpa_body body;
@@ -157,12 +183,15 @@ static sphpa_result impact_bodies(sphpa_particles *p, const impact_scene *scene,
     body.alpha = scene->crush[IMPACT_TARGET].alpha0;
     body.rho = scene->material[IMPACT_TARGET].eos.rho0 / body.alpha;
     body.count = (size_t)s->particles;
-    body.seed = (uint64_t)s->seed;
+    body.seed = (uint64_t)s->lattice_seed;
     body.lattice = SPHPA_LATTICE_HEXAGONAL;
     body.material = body.body = IMPACT_TARGET;
-    result = target_file != NULL ? impact_read_target(p, target_file, err)
-                                 : sphpa_make_sphere(p, centre, radius, &body, err);
+    result = target_file != NULL
+                 ? impact_read_target(p, target_file, s, err)
+                 : sphpa_make_sphere(p, centre, 0.5 * s->target_diameter, &body, err);
     if (result != SPHPA_OK) return result;
+    double radius = 0.5 * s->target_diameter, small = 0.5 * s->projectile_diameter;
+    for (int a = 0; a < 3; a++) centre[a] = impact_origin(s); /* of a file's body, too */
     double spacing = 0.0; /* of the coarser of the two */
     for (size_t i = 0; i < p->n; i++) spacing = fmax(spacing, (double)p->h[i] / 1.2);
     double away = radius + small + 0.5 * spacing;
@@ -171,7 +200,7 @@ static sphpa_result impact_bodies(sphpa_particles *p, const impact_scene *scene,
     body.alpha = 1.0;
     body.rho = scene->material[IMPACT_PROJECTILE].eos.rho0;
     body.count = (size_t)s->projectile_particles;
-    body.seed = (uint64_t)s->seed + 1000u;
+    body.seed = (uint64_t)s->lattice_seed + 1000u;
     body.material = body.body = IMPACT_PROJECTILE;
     body.v[2] = -s->speed;
     return sphpa_make_sphere(p, centre, small, &body, err);
@@ -182,7 +211,7 @@ static sphpa_result impact_bodies(sphpa_particles *p, const impact_scene *scene,
 typedef struct impact_run {
     impact_settings s;
     const impact_options *o;
-    char out[EXAMPLE_PATH];
+    char out[EXAMPLE_PATH], checkpoint[EXAMPLE_PATH + 32]; /* the last good one, or "" */
     impact_scene scene;
     sphpa_sim sim;
     sphpa_totals start; /* at t = 0 */
@@ -190,8 +219,11 @@ typedef struct impact_run {
     impact_history history; /* what the outputs found; kept in checkpoints */
     example_progress progress;
     FILE *log, *gauge;
-    double wall;     /* [s] of the steps */
-    int resumed, quiet;
+    double wall;          /* [s] of the steps */
+    uint64_t steps_begun; /* made before this program started */
+    const volatile int *asked; /* not 0: Ctrl-C */
+    volatile int stop;         /* not 0: now is the place for it */
+    int resumed, quiet, every_given;
 } impact_run;
 
 /* settings that a resumed run must share, and what it needs to go on */
@@ -207,14 +239,15 @@ static sphpa_result impact_checkpoint(impact_run *run, sphpa_error *err) {
 #ifdef SPHPA_WITH_HDF5
     char path[EXAMPLE_PATH + 32];
     sphpa_blob blob[4];
-    sphpa_snapshot_info info;
-    memset(&info, 0, sizeof info);
+    impact_texts texts;
+    sphpa_snapshot_info info = impact_info(&run->s, &texts);
     impact_blobs(run, blob);
-    info.run = "pumice_impact";
     info.blobs = blob;
     info.blobs_count = 4;
     snprintf(path, sizeof path, "%s/checkpoint.hdf", run->out);
-    return sphpa_checkpoint_write(&run->sim, path, &info, err);
+    sphpa_result result = sphpa_checkpoint_write(&run->sim, path, &info, err);
+    if (result == SPHPA_OK) memcpy(run->checkpoint, path, sizeof path);
+    return result;
 #else
     (void)run;
     (void)err;
@@ -222,24 +255,17 @@ static sphpa_result impact_checkpoint(impact_run *run, sphpa_error *err) {
 #endif
 }
 
-/* the first setting in which two runs differ, or NULL; t_end may be moved */
-static const char *impact_differs(const impact_settings *a, const impact_settings *b) {
-    if (a->speed != b->speed) return "--speed";
-    if (a->angle != b->angle) return "--angle";
-    if (a->target_diameter != b->target_diameter) return "--target-diameter";
-    if (a->projectile_diameter != b->projectile_diameter) return "--projectile-diameter";
-    if (a->weibull_k != b->weibull_k) return "--weibull-k";
-    if (a->weibull_m != b->weibull_m) return "--weibull-m";
-    if (a->tension != b->tension) return "--tension";
-    if (a->every != b->every) return "--every";
-    if (a->particles != b->particles) return "--particles";
-    if (a->projectile_particles != b->projectile_particles) return "--projectile-particles";
-    if (a->seed != b->seed) return "--seed";
-    if (a->curve != b->curve) return "--curve";
-    if (a->solver != b->solver) return "--solver";
-    if (a->correction != b->correction) return "--correction";
-    if (a->balsara != b->balsara) return "--balsara";
-    return NULL;
+/* whether two runs differ in a setting, and in which; t_end and cfl may change */
+static bool impact_differs(const impact_settings *a, const impact_settings *b, char option[32]) {
+    impact_setting one[IMPACT_LISTED], other[IMPACT_LISTED];
+    impact_list(a, one);
+    impact_list(b, other);
+    for (int k = 0; k < IMPACT_LISTED; k++) {
+        if (one[k].value == other[k].value) continue;
+        snprintf(option, 32, "%.*s", (int)strcspn(one[k].name, " "), one[k].name);
+        return true;
+    }
+    return false;
 }
 
 /* the checkpoint to go on from, or "" to begin anew */
@@ -252,8 +278,8 @@ static void impact_resume_path(const impact_run *run, char path[EXAMPLE_PATH + 3
     }
     snprintf(path, EXAMPLE_PATH + 32, "%s/checkpoint.hdf", run->out);
     FILE *there = fopen(path, "rb");
-    if (there == NULL) path[0] = '\0';
-    else fclose(there);
+    if (there != NULL) fclose(there);
+    else if (errno == ENOENT) path[0] = '\0';
 }
 
 static sphpa_result impact_resume(impact_run *run, const char *path, sphpa_error *err) {
@@ -262,12 +288,18 @@ static sphpa_result impact_resume(impact_run *run, const char *path, sphpa_error
     impact_history history;
     sphpa_result result = sphpa_checkpoint_blob(path, "settings", &kept, sizeof kept, err);
     if (result != SPHPA_OK) return result;
-    const char *option = impact_differs(&kept, &run->s);
-    if (option != NULL)
+    if (!run->every_given) run->s.every = kept.every; /* also with another --t-end */
+    char option[32];
+    if (impact_differs(&kept, &run->s, option))
         return sphpa_error_set(err, SPHPA_ERROR_FORMAT,
-                               "%s is of a run with another %s; give the same options, or begin "
+                               "%s is of a run with another --%s; give the same options, or begin "
                                "anew without --resume", path, option);
+    size_t particles = run->sim.p.n;
     result = sphpa_checkpoint_read(&run->sim, path, err);
+    if (result == SPHPA_OK && run->sim.p.n != particles)
+        return sphpa_error_set(err, SPHPA_ERROR_FORMAT,
+                               "%s is of a run with %zu particles, not %zu; give the same --target",
+                               path, run->sim.p.n, particles);
     if (result == SPHPA_OK)
         result = sphpa_checkpoint_blob(path, "start", &run->start, sizeof run->start, err);
     if (result == SPHPA_OK)
@@ -276,8 +308,14 @@ static sphpa_result impact_resume(impact_run *run, const char *path, sphpa_error
         result = sphpa_checkpoint_blob(path, "pores", &run->scene.pores.stats,
                                        sizeof run->scene.pores.stats, err);
     if (result != SPHPA_OK) return result;
+    if (run->sim.time > run->s.t_end * (1.0 + 1e-9))
+        return sphpa_error_set(err, SPHPA_ERROR_RANGE,
+                               "%s is at t = %g s, beyond --t-end %g; give a later end, or begin "
+                               "anew without --resume", path, run->sim.time, run->s.t_end);
     run->history = history;
     run->resumed = 1;
+    run->steps_begun = run->sim.stats.steps;
+    snprintf(run->checkpoint, sizeof run->checkpoint, "%s", path);
     return SPHPA_OK;
 #else
     (void)run;
@@ -310,33 +348,38 @@ static sphpa_result impact_create(impact_run *run, sphpa_error *err) {
     return path[0] != '\0' ? impact_resume(run, path, err) : SPHPA_OK;
 }
 
+/* A checkpoint settles the simulation: neighbours come in another order, sums round differently.
+   So that an interrupt leaves no trace in the bits, every run settles every few steps, and only
+   there it can be interrupted. */
 static sphpa_result impact_on_step(sphpa_sim *sim, void *user, sphpa_error *err) {
     impact_run *run = (impact_run *)user;
-    (void)err;
-    if (run->log != NULL && sim->stats.steps % 10 == 0)
-        impact_log_line(run->log, sim, &run->start);
-    if (run->gauge != NULL)
-        fprintf(run->gauge, "%.9e %.6e\n", sim->time, impact_gauge(sim, &run->s));
+    if (sim->stats.steps % 10 == 0) impact_log_line(run->log, sim, &run->start);
+    double pressure = 0.0;
+    (void)impact_gauge(sim, &run->s, &pressure);
+    fprintf(run->gauge, "%.9e %.6e\n", sim->time, pressure);
     if (!run->quiet)
         example_progress_show(&run->progress, sim->time / run->s.t_end, sim->time, sim->dt,
                               sim->stats.steps, sim->stats.steps * sim->p.n);
-    return SPHPA_OK;
+    if (sim->stats.steps % IMPACT_SETTLE != 0) return SPHPA_OK;
+    run->stop = *run->asked;
+    return sphpa_sim_settle(sim, err);
 }
 
 static sphpa_result impact_on_output(sphpa_sim *sim, void *user, sphpa_error *err) {
     impact_run *run = (impact_run *)user;
     impact_history *history = &run->history;
     if (history->count >= IMPACT_RECORDS)
-        return sphpa_error_set(err, SPHPA_ERROR_RANGE, "more than %d outputs; give a larger --every",
-                               IMPACT_RECORDS);
-    sphpa_result result = impact_record_now(sim, run->o, run->target_mass,
+        return sphpa_error_set(err, SPHPA_ERROR_RANGE,
+                               "more than %d outputs; give a larger --every", IMPACT_RECORDS);
+    sphpa_result result = impact_record_now(sim, &run->s, run->target_mass,
                                             &history->record[history->count], err);
     if (result != SPHPA_OK) return result;
     result = impact_write_state(run->out, history, sim, &run->s, run->o->snapshots, err);
     if (result != SPHPA_OK) return result;
     history->count++;
-    if (run->log != NULL) fflush(run->log);
-    if (run->gauge != NULL) fflush(run->gauge);
+    if (fflush(run->log) != 0 || fflush(run->gauge) != 0 || ferror(run->log) || ferror(run->gauge))
+        return sphpa_error_set(err, SPHPA_ERROR_FILE, "cannot write %s/log.txt or gauge.dat (%s); "
+                               "is the disk full?", run->out, strerror(errno));
     return impact_checkpoint(run, err);
 }
 
@@ -348,6 +391,10 @@ static void impact_open_logs(impact_run *run) {
     snprintf(path, sizeof path, "%s/gauge.dat", run->out);
     run->gauge = impact_reopen(path, run->resumed ? run->sim.time : -1.0,
                                "# time[s] pressure[Pa] at the gauge\n");
+    double pressure = 0.0;
+    if (!run->resumed && !impact_gauge(&run->sim, &run->s, &pressure))
+        fprintf(stderr, "no particle is at the gauge (%g, %g, %g) m from the target's centre: it "
+                "shows 0 until one comes\n", run->s.gauge[0], run->s.gauge[1], run->s.gauge[2]);
 }
 
 static void impact_close_logs(impact_run *run) {
@@ -365,9 +412,9 @@ static sphpa_result impact_go(impact_run *run, sphpa_error *err) {
     plan.user = run;
     plan.output = impact_on_output;
     plan.step = impact_on_step;
-    plan.stop = example_stop_on_interrupt();
+    plan.stop = &run->stop;
     plan.resumed = run->resumed;
-    example_folder(run->out);
+    run->asked = example_stop_on_interrupt();
     impact_open_logs(run);
     double since = example_clock();
     sphpa_result result = sphpa_sim_run(&run->sim, &plan, err);
@@ -385,7 +432,12 @@ static impact_run *impact_new(const impact_settings *s, const impact_options *o,
     impact_run *run = (impact_run *)calloc(1, sizeof *run);
     if (run == NULL) example_fail(1, "out of memory");
     run->s = *s;
-    if (run->s.every <= 0.0) run->s.every = run->s.t_end / 20.0;
+    run->every_given = s->every > 0.0;
+    if (!run->every_given) run->s.every = run->s.t_end / 20.0;
+    if (run->s.t_end / run->s.every > IMPACT_RECORDS - 2.0)
+        example_fail(2, "--every %g: %.3g outputs until --t-end %g, more than %d; give a larger "
+                     "one", run->s.every, run->s.t_end / run->s.every, run->s.t_end,
+                     IMPACT_RECORDS - 2);
     run->o = o;
     run->quiet = run->progress.quiet = o->quiet;
     snprintf(run->out, sizeof run->out, "%s", out);
@@ -399,15 +451,14 @@ static void impact_free(impact_run *run) {
 
 /* what a user reads when a run ends early; returns the exit status */
 static int impact_explain(const impact_run *run, sphpa_result result, const sphpa_error *err) {
-    bool checkpoint = impact_has_hdf5() && run->history.count > 0;
+    const char *go_on = run->o->go_on != NULL ? run->o->go_on : run->checkpoint;
     fprintf(stderr, "pumice_impact: %s\n", err->message);
-    if (result == SPHPA_STOPPED && checkpoint)
-        fprintf(stderr, "to go on, give the same options and --resume %s/checkpoint.hdf\n",
-                run->out);
-    else if (result == SPHPA_ERROR_STATE && checkpoint)
-        fprintf(stderr, "the last good checkpoint is %s/checkpoint.hdf\n", run->out);
-    else if (!impact_has_hdf5())
+    if (!impact_has_hdf5())
         fprintf(stderr, "built without HDF5, so there is no checkpoint to go on from\n");
+    else if (result == SPHPA_STOPPED && run->checkpoint[0] != '\0')
+        fprintf(stderr, "to go on, give the same options and --resume %s\n", go_on);
+    else if (run->checkpoint[0] != '\0')
+        fprintf(stderr, "the last good checkpoint is %s\n", run->checkpoint);
     return result == SPHPA_STOPPED ? 130 : 1;
 }
 
@@ -416,11 +467,14 @@ static impact_run *impact_must_run(const impact_settings *s, const impact_option
                                    const char *out) {
     sphpa_error err;
     impact_run *run = impact_new(s, o, out);
+    example_folder(run->out);
     sphpa_result result = impact_create(run, &err);
     if (result != SPHPA_OK) example_fail(1, "%s", err.message);
     result = impact_go(run, &err);
-    if (result != SPHPA_OK) exit(impact_explain(run, result, &err));
-    return run;
+    if (result == SPHPA_OK) return run;
+    int status = impact_explain(run, result, &err);
+    impact_free(run);
+    exit(status);
 }
 
 /* ---- what is printed at the end -------------------------------------------------------------- */
@@ -438,8 +492,13 @@ static void impact_print_assumptions(const impact_run *run) {
     printf("assumed, for no source gives it:\n");
     printf("  projectile         nylon sphere of %g mm, %.4f g (the sister experiment's size)\n",
            1e3 * s->projectile_diameter, 1e3 * run->projectile_mass);
-    printf("  target             sphere of %g cm, %.4f kg; hexagonal lattice, turned by seed %ld\n",
-           100.0 * s->target_diameter, run->target_mass, s->seed);
+    if (run->o->target_file != NULL)
+        printf("  target             %s, in a sphere of %g cm, %.4f kg\n", run->o->target_file,
+               100.0 * s->target_diameter, run->target_mass);
+    else
+        printf("  target             sphere of %g cm, %.4f kg, %.1f kg/m3; hexagonal lattice, "
+               "turned by seed %ld\n", 100.0 * s->target_diameter, run->target_mass,
+               pumice->eos.rho0 / crush->alpha0, s->lattice_seed);
     printf("  impact angle       %g degrees from the normal\n", s->angle);
     printf("  crush curve        %s, alpha0 %g, Pe %g, Pt %g, Ps %g Pa: that it is this pumice's\n",
            s->curve == 0 ? "two exponents" : "quadratic", crush->alpha0, crush->Pe, crush->Pt,
@@ -451,7 +510,7 @@ static void impact_print_assumptions(const impact_run *run) {
     printf("  nylon in tension   at most %g Pa; it has no flaws here\n", s->tension);
     printf("  between the bodies no tension, no shear; half a spacing at the start\n");
     printf("  fragments          linking length %g supports, particles with D < %g\n",
-           run->o->link, run->o->damage_below);
+           s->link, s->damage_below);
     printf("  end time           %g s\n", s->t_end);
     printf("  particles          %zu + %zu; a target particle has %.1f times the mass of a "
            "projectile one\n", run->sim.p.n - projectile, projectile, ratio);
@@ -528,7 +587,8 @@ static void impact_print_cost(const impact_run *run) {
            (double)run->scene.pores.stats.evaluations /
                ((double)run->scene.pores.stats.solves + 1e-300));
     printf("%.3g particle updates a second on %d threads; peak memory %.1f MB\n",
-           (double)run->sim.p.n * steps / (run->wall + 1e-9), example_threads(0),
+           (double)run->sim.p.n * (double)(stats->steps - run->steps_begun) / (run->wall + 1e-9),
+           example_threads(0),
            1e-6 * example_peak_memory());
 }
 
@@ -542,31 +602,47 @@ static void impact_print(const impact_run *run) {
 
 /* ---- what the program can be asked for ------------------------------------------------------- */
 
-/* memory, steps and time of a run, from a few steps of it */
-static int impact_dry_run(const impact_settings *s, const impact_options *o) {
+/* What a run will take. */
+typedef struct impact_cost {
+    size_t particles;
+    double bytes, steps, each; /* [1] [1] [s] of a step */
+    int measured;              /* steps that were made to find out */
+} impact_cost;
+
+/* from a few steps of it; nothing is written */
+static impact_cost impact_estimate(const impact_settings *s, const impact_options *o) {
     sphpa_error err;
+    impact_cost cost;
+    memset(&cost, 0, sizeof cost);
     impact_run *run = impact_new(s, o, o->out);
     if (impact_create(run, &err) != SPHPA_OK) example_fail(1, "%s", err.message);
     double since = example_clock(), h = (double)run->sim.p.h[0];
-    int steps = 0;
-    while (steps < 5 || (example_clock() - since < 2.0 && steps < 50)) {
+    while (cost.measured < 5 || (example_clock() - since < 2.0 && cost.measured < 50)) {
         if (sphpa_sim_step(&run->sim, s->t_end, &err) != SPHPA_OK)
             example_fail(1, "%s", err.message);
-        steps++;
+        cost.measured++;
     }
-    double each = (example_clock() - since) / steps;
+    cost.each = (example_clock() - since) / cost.measured;
     for (size_t i = 0; i < run->sim.p.n; i++) h = fmin(h, (double)run->sim.p.h[i]);
     /* shocked nylon: about 1.7 times its sound speed, and 0.3 of the impact's speed in mu */
     double c = 1.7 * sqrt(run->scene.material[1].eos.A / run->scene.material[1].eos.rho0);
-    double dt = 0.8 * s->cfl * h / (2.2 * c + 2.4 * 0.3 * s->speed), count = s->t_end / dt;
-    double bytes = (double)(sphpa_particles_bytes_each(&run->sim.p) * run->sim.p.n +
-                            sphpa_tree_bytes(&run->sim.tree) +
-                            sphpa_tree_lists_bytes(&run->sim.lists)) + 300.0 * (double)run->sim.p.n;
-    printf("particles %zu\nmemory    %.0f MB (peak so far %.0f MB)\nsteps     about %.0f\n"
-           "time      about %.0f s on %d threads (%.2f ms a step, measured over %d)\n",
-           run->sim.p.n, 1e-6 * bytes, 1e-6 * example_peak_memory(), count, count * each,
-           example_threads(0), 1e3 * each, steps);
+    cost.steps = ceil(s->t_end / (0.8 * s->cfl * h / (2.2 * c + 2.4 * 0.3 * s->speed)));
+    cost.particles = run->sim.p.n;
+    cost.bytes = (double)(sphpa_particles_bytes_each(&run->sim.p) * run->sim.p.n +
+                          sphpa_tree_bytes(&run->sim.tree) +
+                          sphpa_tree_lists_bytes(&run->sim.lists)) + 300.0 * (double)run->sim.p.n;
     impact_free(run);
+    return cost;
+}
+
+static int impact_dry_run(const impact_settings *s, const impact_options *o) {
+    impact_options anew = *o;
+    anew.resume = NULL;
+    impact_cost cost = impact_estimate(s, &anew);
+    printf("particles %zu\nmemory    %.1f MB (peak so far %.1f MB)\nsteps     about %.0f\n"
+           "time      about %.0f s on %d threads (%.2f ms a step, measured over %d)\n",
+           cost.particles, 1e-6 * cost.bytes, 1e-6 * example_peak_memory(), cost.steps,
+           cost.steps * cost.each, example_threads(0), 1e3 * cost.each, cost.measured);
     return 0;
 }
 
@@ -578,7 +654,8 @@ static void impact_compare(const impact_run *run) {
     if (o.compare_particles > 0 && o.compare_particles < s.particles)
         s.particles = o.compare_particles;
     s.correction = s.balsara = 0;
-    o.resume = NULL;
+    o.resume = NULL; /* it is short, and made anew: the run before it is what a checkpoint is for */
+    o.go_on = run->checkpoint;
     o.snapshots = 0;
     snprintf(out, sizeof out, "%.990s/both_off", run->out);
     if (!run->quiet) fprintf(stderr, "the same with correction and Balsara off, %ld particles\n",
@@ -593,10 +670,10 @@ static void impact_compare(const impact_run *run) {
 
 static int impact_single(const impact_settings *s, const impact_options *o) {
     impact_run *run = impact_must_run(s, o, o->out);
-    impact_write_results(run->out, &run->history, &run->sim, run->o, run->target_mass,
-                         &run->scene.crush[IMPACT_TARGET]);
+    size_t fragments = impact_write_results(run->out, &run->history, &run->sim, &run->s,
+                                            run->target_mass, &run->scene.crush[IMPACT_TARGET]);
     impact_print(run);
-    impact_draw(run->out, &run->history, run->sim.p.n, &run->s);
+    impact_draw(run->out, &run->history, run->sim.p.n, &run->s, fragments);
     if (o->compare && (s->correction || s->balsara)) impact_compare(run);
     impact_free(run);
     return 0;
@@ -664,24 +741,44 @@ static impact_settings impact_row_settings(const impact_settings *s, const impac
     return own;
 }
 
+/* how much work a row is beside the first: particles, and steps that get shorter with them */
+static double impact_row_work(const impact_row *row) {
+    return pow(row->particles, 4.0 / 3.0) * cbrt(row->projectile) / row->diameter;
+}
+
+/* says how long the rows will take that the table lacks; returns the work of them */
+static double impact_sensitivity_left(const impact_table *table, const impact_settings *s,
+                                      const impact_options *o) {
+    double work = 0.0;
+    int lacking = 0;
+    for (int k = 0; k < IMPACT_ROWS; k++) {
+        impact_settings own = impact_row_settings(s, &impact_rows[k]);
+        if (impact_table_has(table, impact_rows[k].name, &own)) continue;
+        work += impact_row_work(&impact_rows[k]);
+        lacking++;
+    }
+    fprintf(stderr, "%d of %d runs are in %s\n", IMPACT_ROWS - lacking, (int)IMPACT_ROWS,
+            o->sensitivity);
+    if (lacking == 0) return 0.0;
+    impact_options anew = *o;
+    anew.resume = NULL;
+    impact_cost cost = impact_estimate(s, &anew);
+    fprintf(stderr, "about %.0f s for the other %d; stop it at any time, and give the same command "
+            "to go on\n", work * cost.steps * cost.each, lacking);
+    return work;
+}
+
 /* runs what the table lacks; linking length and threshold are other readings of the same run */
 static int impact_sensitivity(const impact_settings *s, const impact_options *o) {
     static const double links[3] = {0.5, 1.0, 1.5}, below[3] = {0.5, 0.9, 0.99};
     char out[EXAMPLE_PATH];
-    double since = example_clock();
-    int done = 0, ran = 0;
     impact_table *table = impact_table_open(o->sensitivity);
-    for (int k = 0; k < IMPACT_ROWS; k++) {
-        impact_settings own = impact_row_settings(s, &impact_rows[k]);
-        done += impact_table_has(table, impact_rows[k].name, &own);
-    }
-    fprintf(stderr, "%d of %d runs are in %s\n", done, (int)IMPACT_ROWS, o->sensitivity);
+    double left = impact_sensitivity_left(table, s, o), done = 0.0, since = example_clock();
     for (int k = 0; k < IMPACT_ROWS; k++) {
         impact_settings own = impact_row_settings(s, &impact_rows[k]);
         if (impact_table_has(table, impact_rows[k].name, &own)) continue;
-        if (ran > 0)
-            fprintf(stderr, "about %.0f s left\n", (example_clock() - since) / ran *
-                                                       (IMPACT_ROWS - done));
+        if (done > 0.0)
+            fprintf(stderr, "about %.0f s left\n", (example_clock() - since) / done * left);
         fprintf(stderr, "%s\n", impact_rows[k].name);
         snprintf(out, sizeof out, "%.980s/sensitivity_%d", o->out, k);
         impact_run *run = impact_must_run(&own, o, out);
@@ -692,7 +789,8 @@ static int impact_sensitivity(const impact_settings *s, const impact_options *o)
                                  &run->history);
         impact_table_save(table);
         impact_free(run);
-        ran++, done++;
+        done += impact_row_work(&impact_rows[k]);
+        left -= impact_row_work(&impact_rows[k]);
     }
     impact_table_print(table);
     free(table);
@@ -704,6 +802,8 @@ static int impact_movie(const impact_settings *s, const impact_options *o) {
     impact_settings own = *s;
     char on[EXAMPLE_PATH], off[EXAMPLE_PATH];
     own.every = own.t_end / 50.0;
+    (void)impact_split(o->movie, on);
+    example_folder(on);
     snprintf(on, sizeof on, "%.990s/movie_on", o->out);
     snprintf(off, sizeof off, "%.990s/movie_off", o->out);
     fprintf(stderr, "correction and Balsara on\n");
@@ -719,65 +819,92 @@ static int impact_movie(const impact_settings *s, const impact_options *o) {
                              particles) ? 0 : 1;
 }
 
+/* what the options mean only together */
+static void impact_check(const impact_settings *s, const impact_options *o) {
+    const char *many = o->sensitivity != NULL ? "--sensitivity" : o->movie != NULL ? "--movie"
+                       : o->ensemble > 0 ? "--ensemble" : NULL;
+    size_t length = o->movie != NULL ? strlen(o->movie) : 0;
+    if (strlen(o->out) > 960)
+        example_fail(2, "--out %.60s...: give a name of at most 960 characters", o->out);
+    if (many != NULL && o->resume != NULL && strcmp(o->resume, "auto") != 0)
+        example_fail(2, "--resume %s: with %s, which makes several runs, give --resume auto",
+                     o->resume, many);
+    if (o->sensitivity != NULL && o->target_file != NULL)
+        example_fail(2, "--target %s: --sensitivity varies the sphere; leave one of them out",
+                     o->target_file);
+    if (o->movie != NULL && (length < 5 || strcmp(o->movie + length - 4, ".gif") != 0 ||
+                             o->movie[length - 5] == '/' || strchr(o->movie, '\'') != NULL))
+        example_fail(2, "--movie %s: give a name that ends in .gif, without quotes", o->movie);
+    if (s->projectile_diameter > 10.0 * s->target_diameter && o->target_file == NULL)
+        example_fail(2, "--projectile-diameter %g: more than ten targets of %g m wide; mend one",
+                     s->projectile_diameter, s->target_diameter);
+}
+
+static void impact_parse(int argc, char **argv, impact_settings *s, impact_options *o) {
+    const example_option options[] = {
+        example_count("particles", &s->particles, 10, 100000000, "of the target"),
+        example_count("projectile-particles", &s->projectile_particles, 10, 10000000,
+                      "of the projectile"),
+        example_number("speed", "m/s", &s->speed, 1.0, 1e5, "of the projectile"),
+        example_number("angle", "deg", &s->angle, 0.0, 89.0, "of the impact, from the normal"),
+        example_number("target-diameter", "m", &s->target_diameter, 1e-6, 1e7, "of the sphere"),
+        example_number("projectile-diameter", "m", &s->projectile_diameter, 1e-6, 1e7,
+                       "of the sphere"),
+        example_choice("curve", "two-exponent|quadratic", &s->curve, "crush curve of the pumice"),
+        example_choice("solver", "crush-space|bisection|newton|safe-newton", &s->solver,
+                       "of the P-alpha equation; newton fails"),
+        example_number("weibull-k", "m^-3", &s->weibull_k, 0.0, 1e300, "flaws: k eps^m a volume"),
+        example_number("weibull-m", "1", &s->weibull_m, 1.0, 100.0, "their exponent"),
+        example_count("seed", &s->seed, 0, 1000000000, "of the flaws"),
+        example_count("lattice-seed", &s->lattice_seed, 0, 1000000000, "turns the lattices"),
+        example_count("ensemble", &o->ensemble, 0, 10000, "so many seeds: mean and spread"),
+        example_switch("correction", &s->correction, "of the kernel's gradient"),
+        example_switch("balsara", &s->balsara, "no shear viscosity"),
+        example_number("tension", "Pa", &s->tension, 0.0, 1e12, "that nylon bears"),
+        example_number("cfl", "1", &s->cfl, 1e-3, 1.0, "Courant number"),
+        example_number("t-end", "s", &s->t_end, 1e-12, 1e6, "end of the run"),
+        example_number("every", "s", &s->every, 0.0, 1e6, "between outputs; 0: 20 of them"),
+        example_vector("gauge", "x,y,z", s->gauge, 3, "[m] pressure against time there"),
+        example_number("link", "1", &s->link, 0.01, 10.0, "fragments: linking length, in supports"),
+        example_number("damage-below", "1", &s->damage_below, 0.0, 2.0, "fragments: particles' D"),
+        example_text("target", "FILE.hdf", &o->target_file, "a snapshot as the target"),
+        example_text("out", "DIR", &o->out, "where files and pictures go"),
+        example_text("resume", "FILE|auto", &o->resume, "go on from a checkpoint; auto: if there"),
+        example_count("threads", &o->threads, 0, 4096, "0: as many as there are"),
+        example_switch("compare", &o->compare, "also run with correction and Balsara off"),
+        example_count("compare-particles", &o->compare_particles, 0, 100000000,
+                      "of that run, at most; 0: as many"),
+        example_switch("snapshots", &o->snapshots, "write them"),
+        example_text("sensitivity", "FILE.csv", &o->sensitivity, "run the table of assumptions"),
+        example_text("movie", "FILE.gif", &o->movie, "run on beside off, as a movie"),
+        example_flag("dry-run", &o->dry_run, "memory, steps and time only"),
+        example_flag("quiet", &o->quiet, "no progress on stderr")};
+    int count = (int)(sizeof options / sizeof options[0]);
+    example_parse(argc, argv, "a nylon sphere breaks a porous pumice target", SPHPA_VERSION,
+                  options, count);
+}
+
 int main(int argc, char **argv) {
     impact_settings s = impact_default_settings();
     impact_options o;
     memset(&o, 0, sizeof o);
-    o.link = 1.0;
-    o.damage_below = 0.9;
     o.compare = o.snapshots = 1;
     o.compare_particles = 2500;
     o.out = "build/impact";
-    const example_option options[] = {
-        example_count("particles", &s.particles, 10, 100000000, "of the target"),
-        example_count("projectile-particles", &s.projectile_particles, 10, 10000000,
-                      "of the projectile"),
-        example_number("speed", "m/s", &s.speed, 1.0, 1e5, "of the projectile"),
-        example_number("angle", "deg", &s.angle, 0.0, 89.0, "of the impact, from the normal"),
-        example_number("target-diameter", "m", &s.target_diameter, 1e-6, 1e7, "of the sphere"),
-        example_number("projectile-diameter", "m", &s.projectile_diameter, 1e-6, 1e7,
-                       "of the sphere"),
-        example_choice("curve", "two-exponent|quadratic", &s.curve, "crush curve of the pumice"),
-        example_choice("solver", "crush-space|bisection|newton|safe-newton", &s.solver,
-                       "of the P-alpha equation; newton fails"),
-        example_number("weibull-k", "m^-3", &s.weibull_k, 0.0, 1e300, "flaws: k eps^m a volume"),
-        example_number("weibull-m", "1", &s.weibull_m, 1.0, 100.0, "their exponent"),
-        example_count("seed", &s.seed, 0, 1000000000, "of lattice and flaws"),
-        example_count("ensemble", &o.ensemble, 0, 10000, "so many seeds: mean and spread"),
-        example_switch("correction", &s.correction, "of the kernel's gradient"),
-        example_switch("balsara", &s.balsara, "no shear viscosity"),
-        example_number("tension", "Pa", &s.tension, 0.0, 1e12, "that nylon bears"),
-        example_number("cfl", "1", &s.cfl, 1e-3, 1.0, "Courant number"),
-        example_number("t-end", "s", &s.t_end, 1e-12, 1e6, "end of the run"),
-        example_number("every", "s", &s.every, 0.0, 1e6, "between outputs; 0: 20 of them"),
-        example_vector("gauge", "x,y,z", s.gauge, 3, "[m] pressure against time there"),
-        example_number("link", "1", &o.link, 0.01, 10.0, "fragments: linking length, in supports"),
-        example_number("damage-below", "1", &o.damage_below, 0.0, 2.0, "fragments: particles' D"),
-        example_text("target", "FILE.hdf", &o.target_file, "a snapshot as the target"),
-        example_text("out", "DIR", &o.out, "where files and pictures go"),
-        example_text("resume", "FILE|auto", &o.resume, "go on from a checkpoint; auto: if there"),
-        example_count("threads", &o.threads, 0, 4096, "0: as many as there are"),
-        example_switch("compare", &o.compare, "also run with correction and Balsara off"),
-        example_count("compare-particles", &o.compare_particles, 0, 100000000, "of that run"),
-        example_switch("snapshots", &o.snapshots, "write them"),
-        example_text("sensitivity", "FILE.csv", &o.sensitivity, "run the table of assumptions"),
-        example_text("movie", "FILE.gif", &o.movie, "run on beside off, as a movie"),
-        example_flag("dry-run", &o.dry_run, "memory, steps and time only"),
-        example_flag("quiet", &o.quiet, "no progress on stderr")};
-    int count = (int)(sizeof options / sizeof options[0]);
-    example_parse(argc, argv, "a nylon sphere breaks a porous pumice target", SPHPA_VERSION,
-                  options, count);
+    impact_parse(argc, argv, &s, &o);
     example_threads(o.threads);
+    impact_check(&s, &o);
     if (!impact_has_hdf5())
         fprintf(stderr, "built without HDF5: plain text output, no checkpoints\n");
-    if (o.dry_run) return impact_dry_run(&s, &o);
-    if (o.sensitivity != NULL) {
-        o.snapshots = 0;
-        return impact_sensitivity(&s, &o);
-    }
-    if (o.movie != NULL) {
-        o.snapshots = 0;
-        return impact_movie(&s, &o);
-    }
-    return o.ensemble > 0 ? impact_ensemble(&s, &o) : impact_single(&s, &o);
+    bool one = o.sensitivity == NULL && o.movie == NULL && o.ensemble == 0;
+    if (!one) o.go_on = "auto"; /* each run has a folder of its own */
+    if (o.sensitivity != NULL || o.movie != NULL) o.snapshots = 0;
+    int status = o.dry_run               ? impact_dry_run(&s, &o)
+                 : o.sensitivity != NULL ? impact_sensitivity(&s, &o)
+                 : o.movie != NULL       ? impact_movie(&s, &o)
+                 : one                   ? impact_single(&s, &o)
+                                         : impact_ensemble(&s, &o);
+    if (fflush(stdout) != 0 || ferror(stdout))
+        example_fail(1, "cannot write to standard output (%s)", strerror(errno));
+    return status;
 }

@@ -480,7 +480,8 @@ typedef struct press {
 static void press_fill(sphpa_sim *sim, const press *hold, size_t first, size_t last) {
     for (size_t i = first; i < last; i++)
         for (size_t a = 0; a < 3; a++) {
-            if ((int)a < hold->first || (int)a >= hold->first + hold->axes || sim->dt <= 0.0) continue;
+            int axis = (int)a - hold->first;
+            if (axis < 0 || axis >= hold->axes || sim->dt <= 0.0) continue;
             double x = sim->p.start.x[3 * i + a], v = (double)sim->p.start.v[3 * i + a];
             double dt = sim->dt;
             double goal = hold->rate * (x + 0.5 * dt * v) / (1.0 - 0.5 * dt * hold->rate);
