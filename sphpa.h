@@ -2523,9 +2523,10 @@ SPHPA_FORCE_INLINE_ double sphpa_kernel_gaussian_d2_(double q) {
 }
 
 /* case, shape: the numbers of sphpa_kernel, then the Wendland kernels of one dimension */
-#define SPHPA_KERNEL_SHAPES_(X)                                                                    \
-    X(0, cubic) X(1, quartic) X(2, quintic) X(3, c2) X(4, c4) X(5, c6) X(6, gaussian)              \
-    X(7, line2) X(8, line4) X(9, line6)
+#define SPHPA_KERNEL_POLYNOMIALS_(X)                                                               \
+    X(0, cubic) X(1, quartic) X(2, quintic) X(3, c2) X(4, c4) X(5, c6) X(7, line2) X(8, line4)     \
+    X(9, line6)
+#define SPHPA_KERNEL_SHAPES_(X) SPHPA_KERNEL_POLYNOMIALS_(X) X(6, gaussian)
 
 SPHPA_PRIVATE_ bool sphpa_kernel_known_(sphpa_kernel k) {
     return (int)k >= 0 && (int)k < (int)SPHPA_KERNEL_COUNT;
@@ -2640,8 +2641,11 @@ SPHPA_PRIVATE_ void sphpa_kernel_batch_w_(int shape, double norm, size_t n,
         SPHPA_SIMD                                                                                 \
         for (size_t i = 0; i < n; i++) f[i] = norm * sphpa_kernel_##name##_w_(q[i]);               \
         break;
-        SPHPA_KERNEL_SHAPES_(SPHPA_KERNEL_CASE_)
+        SPHPA_KERNEL_POLYNOMIALS_(SPHPA_KERNEL_CASE_)
 #undef SPHPA_KERNEL_CASE_
+    case 6: /* exp() does not vectorise */
+        for (size_t i = 0; i < n; i++) f[i] = norm * sphpa_kernel_gaussian_w_(q[i]);
+        break;
     default: break;
     }
 }
@@ -2655,12 +2659,16 @@ SPHPA_PRIVATE_ void sphpa_kernel_batch_d1_(int shape, double norm, size_t n,
         SPHPA_SIMD                                                                                 \
         for (size_t i = 0; i < n; i++) df[i] = norm * sphpa_kernel_##name##_d1_(q[i]);             \
         break;
-        SPHPA_KERNEL_SHAPES_(SPHPA_KERNEL_CASE_)
+        SPHPA_KERNEL_POLYNOMIALS_(SPHPA_KERNEL_CASE_)
 #undef SPHPA_KERNEL_CASE_
+    case 6: /* exp() does not vectorise */
+        for (size_t i = 0; i < n; i++) df[i] = norm * sphpa_kernel_gaussian_d1_(q[i]);
+        break;
     default: break;
     }
 }
 #undef SPHPA_KERNEL_SHAPES_
+#undef SPHPA_KERNEL_POLYNOMIALS_
 
 SPHPA_DEF void sphpa_kernel_shape_batch(sphpa_kernel k, int dim, size_t n,
                                         const double *SPHPA_RESTRICT q, double *SPHPA_RESTRICT f,
