@@ -66,6 +66,7 @@ impact-full: ## the same with 300,000 particles; goes on where it was stopped
 	@$(DEPS) impact
 	@+$(INNER_MAKE) $(IMPACT)
 	@mkdir -p $(BUILD)/impact-full
+	$(IMPACT) --particles 300000 --out $(BUILD)/impact-full $(ARGS) --dry-run
 	$(IMPACT) --particles 300000 --out $(BUILD)/impact-full --resume auto $(ARGS)
 
 sensitivity: ## how the largest fragment depends on each assumption: build/sensitivity.csv

@@ -534,8 +534,8 @@ static inline bool example_picture(const char *folder, const char *name, int wid
     bool gif = dot != NULL && strcmp(dot, ".gif") == 0;
     snprintf(script_name, sizeof script_name, "%s.gp", name);
     example_file file = example_open(folder, script_name);
-    fprintf(file.stream, "if (!exists('part')) part = ''\n");
-    fprintf(file.stream, "set terminal %s size %d,%d font 'Helvetica,%d' background 'white'\n",
+    fprintf(file.stream, "set encoding utf8\nif (!exists('part')) part = ''\n");
+    fprintf(file.stream, "set terminal %s size %d,%d font 'Sans,%d' background 'white'\n",
             gif ? "gif animate delay 8" : png ? "pngcairo" : "svg", width, height,
             png || gif ? 11 : 14);
     fprintf(file.stream, "set output '%s'.part\n%s\nset output\n", name, script);

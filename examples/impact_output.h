@@ -126,7 +126,8 @@ static bool impact_gauge(const sphpa_sim *sim, const impact_settings *s, double 
         if (r2 >= 4.0 * h * h) continue;
         double w = (double)p->m[i] / p->rho[i] *
                    sphpa_kernel_w(sim->options.kernel, 3, sqrt(r2), h);
-        sum += w * (double)p->P[i];
+        double P = (double)p->P[i]; /* of the undamaged; what is broken bears no tension */
+        sum += w * (P < 0.0 ? (1.0 - (double)p->D[i]) * P : P);
         weight += w;
     }
     *pressure = weight > 0.0 ? sum / weight : 0.0;
@@ -314,22 +315,42 @@ static size_t impact_write_results(const char *out, const impact_history *histor
 
 /* ---- pictures -------------------------------------------------------------------------------- */
 
+/* in UTF-8: not every terminal of gnuplot's finds a font of symbols */
+#define IMPACT_MICRO "\302\265"
+#define IMPACT_ALPHA "\316\261"
+
+/* of damage, and of distention: crushed is red, whole a grey that shows on white */
+#define IMPACT_DAMAGE_COLOURS                                                                      \
+    "set palette defined (0 '#2c3e82', 0.5 '#e8e2d0', 1 '#b0281a')\n"                              \
+    "set cblabel 'damage D'\nset cbrange [0:1]\n"
+/* of a cut: the target by its damage, the projectile black; both sizes of points follow */
+#define IMPACT_DAMAGE_POINTS                                                                       \
+    "using ($5==0?$1:1/0):2:4 with points pointtype 7 pointsize %g palette, "                      \
+    "'' using ($5==1?$1:1/0):2 with points pointtype 7 pointsize %g linecolor 'black'"
+#define IMPACT_PORES_COLOURS                                                                       \
+    "set palette defined (0 '#67000d', 0.35 '#e6550d', 0.7 '#fdae6b', 1 '#b8bec8')\n"              \
+    "set cblabel 'distention " IMPACT_ALPHA "'\nset cbrange [1:4.64]\n"
+
 static void impact_draw_palpha(const char *out, const impact_history *history) {
     char script[4096];
     int n = snprintf(script, sizeof script,
                      "set title 'Target particles over the crush curve'\n"
-                     "set xlabel 'pressure P [Pa]'\nset ylabel 'distention {/Symbol a}'\n"
+                     "set xlabel 'pressure P [Pa]; what lies below 10^5 Pa is drawn at the left "
+                     "edge'\nset ylabel 'distention " IMPACT_ALPHA "'\n"
                      "set logscale x\nset format x '10^{%%T}'\nset xrange [1e5:1e10]\n"
-                     "set yrange [0.9:4.9]\nset key top right box opaque\nset grid\nplot ");
-    for (int k = 1, last = -1; k <= 4; k++) {
+                     "set yrange [0.9:4.9]\nset key top right Left reverse box opaque\n"
+                     "set grid\nplot ");
+    const int end = history->count - 1, shown[4] = {1, 2, end / 4, end}; /* most happens early */
+    for (int k = 0, last = 0; k < 4; k++) {
         char name[32];
-        int index = (history->count - 1) * k / 4;
+        int index = shown[k];
         snprintf(name, sizeof name, "palpha_%04d.dat", index);
-        if (index == last || !impact_there(out, name)) continue;
+        if (index <= last || index > end || !impact_there(out, name)) continue;
         last = index;
         n += snprintf(script + n, sizeof script - (size_t)n,
-                      "'%s' using 1:2 with points pointtype 7 pointsize 0.35 title "
-                      "'t = %.3g {/Symbol m}s', ", name, 1e6 * history->record[index].time);
+                      "'%s' using ($1>1.1e5?$1:1.1e5):2 with points pointtype 7 pointsize 0.5 "
+                      "title 't = %.3g " IMPACT_MICRO "s', ", name,
+                      1e6 * history->record[index].time);
     }
     snprintf(script + n, sizeof script - (size_t)n,
              "'curve.dat' with lines linewidth 2 linecolor 'black' title 'crush curve'");
@@ -347,15 +368,13 @@ static void impact_draw_cut(const char *out, const impact_history *history, size
     int index = history->count - 1;
     double r = 160.0 * radius, point = impact_point(particles);
     snprintf(script, sizeof script,
-             "set multiplot layout 1,2 title 'Cut through the target at t = %.3g {/Symbol m}s'\n"
+             "set multiplot layout 1,2 title 'Cut through the target at t = %.3g " IMPACT_MICRO "s "
+             "(black: the projectile)'\n"
              "set size ratio -1\nset xrange [%g:%g]\nset yrange [%g:%g]\nunset key\n"
              "set xlabel 'x [cm]'\nset ylabel 'z [cm]'\n"
-             "set palette defined (0 '#2c3e82', 0.5 '#e8e2d0', 1 '#b0281a')\n"
-             "set cblabel 'damage D'\nset cbrange [0:1]\n"
-             "plot 'cut_%04d.dat' using 1:2:4 with points pointtype 7 pointsize %g palette, "
-             "'' using ($5==1?$1:1/0):2 with points pointtype 7 pointsize %g linecolor 'black'\n"
-             "set palette defined (0 '#22223b', 0.5 '#9a8c98', 1 '#f2e9e4')\n"
-             "set cblabel 'distention {/Symbol a}'\nset cbrange [1:4.64]\n"
+             IMPACT_DAMAGE_COLOURS
+             "plot 'cut_%04d.dat' " IMPACT_DAMAGE_POINTS "\n"
+             IMPACT_PORES_COLOURS
              "plot 'cut_%04d.dat' using ($5==0?$1:1/0):2:3 with points pointtype 7 pointsize %g "
              "palette\nunset multiplot",
              1e6 * history->record[index].time, -r, r, -r, r, index, point, 0.4 * point, index,
@@ -373,7 +392,7 @@ static void impact_draw_spectrum(const char *out, size_t fragments) {
         "set title 'Cumulative mass spectrum of the fragments'\n"
         "set xlabel 'mass m of the target''s mass'\nset ylabel 'number of fragments of mass m or "
         "more'\nset logscale xy\nset xrange [:1.5]\nset yrange [0.7:]\nset format x '10^{%T}'\n"
-        "set grid\nset key bottom left\n"
+        "set grid\nset key below height 1\n"
         "set arrow from 0.0996, graph 0 to 0.0996, graph 1 nohead linewidth 2 linecolor '#2c7fb8'\n"
         "set arrow from 0.0835, graph 0 to 0.0835, graph 1 nohead dashtype 2 linewidth 2 "
         "linecolor '#d95f0e'\n"
@@ -386,12 +405,13 @@ static void impact_draw_spectrum(const char *out, size_t fragments) {
 static void impact_draw_largest(const char *out) {
     example_picture(
         out, "largest.svg", 800, 500,
-        "set title 'Largest fragment against time'\nset xlabel 'time [{/Symbol m}s]'\n"
+        "set title 'Largest fragment against time'\nset xlabel 'time [" IMPACT_MICRO "s]'\n"
         "set ylabel 'share of the target''s mass'\nset yrange [0:1.02]\nset grid\n"
-        "set key center right\n"
-        "plot 'largest.dat' using 1:2 with linespoints pointtype 7 pointsize 0.6 linewidth 2 title "
-        "'largest fragment', '' using 1:3 with lines linewidth 2 title 'second', "
-        "'' using 1:4 with lines linewidth 2 title 'dust (damaged)', "
+        "set key below height 1\n"
+        "plot 'largest.dat' using 1:2 with linespoints pointtype 7 pointsize 0.6 linewidth 2 "
+        "linecolor 'black' title 'largest fragment', "
+        "'' using 1:3 with lines linewidth 2 linecolor '#2ca25f' title 'second', "
+        "'' using 1:4 with lines linewidth 2 linecolor '#969696' title 'dust (damaged)', "
         "0.0996 linewidth 2 linecolor '#2c7fb8' title 'experiment, 0.0996', "
         "0.0835 dashtype 2 linewidth 2 linecolor '#d95f0e' title 'GASPHiA, 0.0835'");
 }
@@ -400,7 +420,9 @@ static void impact_draw_gauge(const char *out, const impact_settings *s) {
     char script[1024];
     snprintf(script, sizeof script,
              "set title 'Pressure at (%g, %g, %g) cm from the centre'\n"
-             "set xlabel 'time [{/Symbol m}s]'\nset ylabel 'pressure [MPa]'\nset grid\nunset key\n"
+             "set xlabel 'time [" IMPACT_MICRO "s]'\nset ylabel 'pressure [MPa]'\nset grid\n"
+             "unset key\n"
+             "set yrange [*<-0.01:0.01<*]\n"
              "plot 'gauge.dat' using ($1*1e6):($2*1e-6) with lines linewidth 1.5",
              100.0 * s->gauge[0], 100.0 * s->gauge[1], 100.0 * s->gauge[2]);
     example_picture(out, "gauge.svg", 800, 460, script);
@@ -421,17 +443,18 @@ static void impact_draw_beside(const char *out, const impact_history *on, size_t
     char script[4096];
     double r = 160.0 * radius;
     snprintf(script, sizeof script,
-             "set multiplot layout 1,2\nset size ratio -1\nset xrange [%g:%g]\nset yrange [%g:%g]\n"
-             "unset key\nset xlabel 'x [cm]'\nset ylabel 'z [cm]'\nset cblabel 'damage D'\n"
-             "set cbrange [0:1]\nset palette defined (0 '#2c3e82', 0.5 '#e8e2d0', 1 '#b0281a')\n"
-             "set title 'kernel correction and Balsara on\\n%zu particles, largest %.4f'\n"
-             "plot 'cut_%04d.dat' using 1:2:4 with points pointtype 7 pointsize %g palette\n"
-             "set title 'both off\\n%zu particles, largest %.4f'\n"
-             "plot 'both_off/cut_%04d.dat' using 1:2:4 with points pointtype 7 pointsize %g "
-             "palette\nunset multiplot",
-             -r, r, -r, r, on_particles, on->record[on->count - 1].largest, on->count - 1,
-             impact_point(on_particles), off_particles, off->record[off->count - 1].largest,
-             off->count - 1, impact_point(off_particles));
+             "set multiplot layout 1,2 title 'Cut at t = %.3g " IMPACT_MICRO "s (black: the "
+             "projectile)'\nset size ratio -1\nset xrange [%g:%g]\nset yrange [%g:%g]\n"
+             "unset key\nset xlabel 'x [cm]'\nset ylabel 'z [cm]'\n" IMPACT_DAMAGE_COLOURS
+             "set title \"kernel correction and Balsara on\\n%zu particles, largest %.4f\"\n"
+             "plot 'cut_%04d.dat' " IMPACT_DAMAGE_POINTS "\n"
+             "set title \"both off\\n%zu particles, largest %.4f\"\n"
+             "plot 'both_off/cut_%04d.dat' " IMPACT_DAMAGE_POINTS "\nunset multiplot",
+             1e6 * on->record[on->count - 1].time, -r, r, -r, r, on_particles,
+             on->record[on->count - 1].largest, on->count - 1, impact_point(on_particles),
+             0.4 * impact_point(on_particles), off_particles,
+             off->record[off->count - 1].largest, off->count - 1, impact_point(off_particles),
+             0.4 * impact_point(off_particles));
     example_picture(out, "beside.png", 1200, 580, script);
 }
 
@@ -468,17 +491,16 @@ static bool impact_draw_movie(const char *movie, const char *on, const char *off
     snprintf(script, sizeof script,
              "on = '%s'\noff = '%s'\n"
              "set size ratio -1\nset xrange [%g:%g]\nset yrange [%g:%g]\nunset key\n"
-             "set xlabel 'x [cm]'\nset ylabel 'z [cm]'\nset cblabel 'damage D'\n"
-             "set cbrange [0:1]\nset palette defined (0 '#2c3e82', 0.5 '#e8e2d0', 1 '#b0281a')\n"
+             "set xlabel 'x [cm]'\nset ylabel 'z [cm]'\n" IMPACT_DAMAGE_COLOURS
              "do for [k=0:%d] {\n"
-             "set multiplot layout 1,2 title sprintf('t = %%.1f {/Symbol m}s', k*%g)\n"
+             "set multiplot layout 1,2 title sprintf('t = %%.1f " IMPACT_MICRO "s', k*%g)\n"
              "set title 'correction and Balsara on'\n"
-             "plot sprintf('%%s/cut_%%04d.dat', on, k) using 1:2:4 with points pointtype 7 "
-             "pointsize %g palette\n"
+             "plot sprintf('%%s/cut_%%04d.dat', on, k) " IMPACT_DAMAGE_POINTS "\n"
              "set title 'both off'\n"
-             "plot sprintf('%%s/cut_%%04d.dat', off, k) using 1:2:4 with points pointtype 7 "
-             "pointsize %g palette\nunset multiplot\n}",
-             on_path, off_path, -r, r, -r, r, frames - 1, 1e6 * every, point, point);
+             "plot sprintf('%%s/cut_%%04d.dat', off, k) " IMPACT_DAMAGE_POINTS "\n"
+             "unset multiplot\n}",
+             on_path, off_path, -r, r, -r, r, frames - 1, 1e6 * every, point,
+             0.4 * point, point, 0.4 * point);
     return example_picture(folder, name, 1000, 520, script);
 }
 
