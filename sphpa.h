@@ -1724,7 +1724,8 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
          [0.2, 5] (a flat surface has 2 in 2-D and 3 in 3-D) or neighbours are fewer than 10 (2-D:
          5); the identity without `correction`
      (2) L_i = [sum_j V_j (v_j - v_i) outer grad W] C_i; for the continuity from all neighbours, but
-         a particle that is not under pressure is not stretched by another body that leaves; for the
+         a particle that is not under pressure is not stretched by another body that leaves, nor a
+         whole one by a broken one; for the
          stress of an undamaged particle from the undamaged ones of its own body. Where C is blended
          L = W + [.. - W M] C, M = C^-1 and W the rigid rotation of the neighbours: no false strain
      (3) rho = rho_0 exp(-dt div v)          h = h_n exp(dt div v/dim), in [h_min, h_max] h0
@@ -8457,16 +8458,19 @@ SPHPA_PRIVATE_ void sphpa_solid_gradients_(sphpa_sim *sim, void *params,
     memset(&left_out, 0, sizeof left_out);
     sphpa_pair_gradients_(sim, near, &gi, &gj);
     bool choosy = !solid->any_neighbour && own->D < 1.0;
-    bool lets_go = !solid->bodies_stick && !(own->P > 0.0);
+    bool relaxed = !(own->P > 0.0);
     for (size_t k = 0; k < near->count; k++) {
         const sphpa_solid_point_ *other = points + near->j[k];
         double g = 0.5 * other->volume * (gi[k] + gj[k]), vx = other->v[0] - own->v[0];
         double vy = other->v[1] - own->v[1], vz = other->v[2] - own->v[2];
         double dx = near->dx[k], dy = near->dy[k], dz = near->dz[k];
         bool foreign = other->body != own->body;
-        if (foreign && lets_go && vx * dx + vy * dy + vz * dz < 0.0) continue;
+        bool broken = choosy && other->D >= 1.0;
+        if (relaxed && (broken || (foreign && !solid->bodies_stick)) &&
+            vx * dx + vy * dy + vz * dz < 0.0)
+            continue; /* it leaves, and pulls at nothing */
         sphpa_solid_sum_(&all, g, dx, dy, dz, vx, vy, vz);
-        if (choosy && (foreign || other->D >= 1.0))
+        if (broken || (choosy && foreign))
             sphpa_solid_sum_(&left_out, g, dx, dy, dz, vx, vy, vz);
     }
     sphpa_solid_store_(sim, solid, near->i, &all, &left_out, false);
@@ -8751,7 +8755,7 @@ SPHPA_PRIVATE_ void sphpa_solid_energy_(sphpa_sim *sim, void *params,
     sphpa_pair_gradients_(sim, near, &gi, &gj);
     const double *close = sphpa_solid_near_(sim, &pair, near);
     bool choosy = !solid->any_neighbour && own->D < 1.0;
-    bool lets_go = !solid->bodies_stick && !(own->push > 0.0);
+    bool relaxed = !(own->push > 0.0);
     for (size_t k = 0; k < near->count; k++) {
         const sphpa_solid_record_ *other = records + near->j[k];
         double g = 0.5 * (gi[k] + gj[k]), volume = other->m / other->rho;
@@ -8765,7 +8769,10 @@ SPHPA_PRIVATE_ void sphpa_solid_energy_(sphpa_sim *sim, void *params,
                (vx * (mine[0] + 0.5 * shared[0]) + vy * (mine[1] + 0.5 * shared[1]) +
                 vz * (mine[2] + 0.5 * shared[2]));
         bool foreign = other->body != own->body;
-        if (foreign && lets_go && vx * dx + vy * dy + vz * dz < 0.0) continue;
+        bool broken = choosy && other->D >= 1.0;
+        if (relaxed && (broken || (foreign && !solid->bodies_stick)) &&
+            vx * dx + vy * dy + vz * dz < 0.0)
+            continue; /* it leaves, and pulls at nothing */
         sphpa_solid_sum_(&all, g * volume, dx, dy, dz, vx, vy, vz);
         if (choosy && (foreign || other->D >= 1.0))
             sphpa_solid_sum_(&left_out, g * volume, dx, dy, dz, vx, vy, vz);

@@ -30,7 +30,7 @@ typedef struct impact_setting {
     double value;
 } impact_setting;
 
-enum { IMPACT_LISTED = 21 };
+enum { IMPACT_LISTED = 23 };
 
 static void impact_list(const impact_settings *s, impact_setting list[IMPACT_LISTED]) {
     const impact_setting all[IMPACT_LISTED] = {
@@ -40,6 +40,7 @@ static void impact_list(const impact_settings *s, impact_setting list[IMPACT_LIS
         {"solver", s->solver}, {"weibull-k", s->weibull_k}, {"weibull-m", s->weibull_m},
         {"seed", (double)s->seed}, {"lattice-seed", (double)s->lattice_seed},
         {"correction", s->correction}, {"balsara", s->balsara}, {"tension", s->tension},
+        {"viscosity a", s->viscosity[0]}, {"viscosity b", s->viscosity[1]},
         {"every", s->every}, {"gauge x", s->gauge[0]}, {"gauge y", s->gauge[1]},
         {"gauge z", s->gauge[2]}, {"link", s->link}, {"damage-below", s->damage_below}};
     memcpy(list, all, sizeof all);
@@ -517,7 +518,8 @@ typedef struct impact_table {
 
 static const char impact_table_header[] =
     "run,speed_m_s,angle_deg,target_diameter_m,projectile_diameter_m,weibull_k,weibull_m,seed,"
-    "lattice_seed,particles,projectile_particles,curve,solver,correction,balsara,tension_Pa,cfl,"
+    "lattice_seed,particles,projectile_particles,curve,solver,correction,balsara,tension_Pa,"
+    "viscosity_a,viscosity_b,cfl,"
     "t_end_s,every_s,link,damage_below,largest,settled";
 
 static void impact_table_save(const impact_table *table) {
@@ -559,11 +561,13 @@ static impact_table *impact_table_open(const char *path) {
 static void impact_table_key(char key[IMPACT_TABLE_WIDTH], const char *name,
                              const impact_settings *s) {
     snprintf(key, IMPACT_TABLE_WIDTH,
-             "%s,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%ld,%ld,%ld,%ld,%s,%d,%s,%s,%.9g,%.9g,%.9g,%.9g,",
+             "%s,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%ld,%ld,%ld,%ld,%s,%d,%s,%s,%.9g,%.9g,%.9g,%.9g,"
+             "%.9g,%.9g,",
              name, s->speed, s->angle, s->target_diameter, s->projectile_diameter, s->weibull_k,
              s->weibull_m, s->seed, s->lattice_seed, s->particles, s->projectile_particles,
              s->curve == 0 ? "two-exponent" : "quadratic", s->solver, s->correction ? "on" : "off",
-             s->balsara ? "on" : "off", s->tension, s->cfl, s->t_end,
+             s->balsara ? "on" : "off", s->tension, s->viscosity[0],
+             s->viscosity[1], s->cfl, s->t_end,
              s->every > 0.0 ? s->every : s->t_end / 20.0);
 }
 

@@ -28,6 +28,7 @@ typedef struct impact_settings {
     double projectile_diameter; /* [m] */
     double weibull_k, weibull_m; /* [m^-3] [1] */
     double tension;            /* [Pa] what nylon bears in tension */
+    double viscosity[2];       /* [1] linear and quadratic */
     double cfl;                /* [1] */
     double t_end, every;       /* [s] */
     double gauge[3];           /* [m] */
@@ -53,6 +54,8 @@ static impact_settings impact_default_settings(void) {
     s.weibull_k = 4e35;
     s.weibull_m = 9.0;
     s.tension = 1e8;
+    s.viscosity[0] = 1.0;
+    s.viscosity[1] = 2.0;
     s.cfl = 0.3;
     s.t_end = 1e-4;
     s.gauge[2] = 0.025;
@@ -110,7 +113,9 @@ static void impact_modules(impact_scene *scene, const impact_settings *s) {
     scene->solid.material = scene->solid_material;
     scene->solid.materials = IMPACT_BODIES;
     scene->solid.correction = s->correction;
-    scene->solid.viscosity.balsara = s->balsara;
+    scene->solid.viscosity.balsara = s->balsara; /* below, 0 would mean the default */
+    scene->solid.viscosity.a = s->viscosity[0] > 0.0 ? s->viscosity[0] : -1.0;
+    scene->solid.viscosity.b = s->viscosity[1] > 0.0 ? s->viscosity[1] : -1.0;
     scene->pores.solid = &scene->solid;
     scene->pores.crush = scene->crush;
     scene->pores.matrix = scene->matrix;
@@ -495,6 +500,8 @@ static void impact_print_assumptions(const impact_run *run) {
     printf("  flaws              Weibull k = %g m^-3, m = %g, of the solid volume; seed %ld\n",
            s->weibull_k, s->weibull_m, s->seed);
     printf("  nylon in tension   at most %g Pa; it has no flaws here\n", s->tension);
+    printf("  viscosity          a = %g, b = %g with the elastic wave's speed\n",
+           s->viscosity[0], s->viscosity[1]);
     printf("  between the bodies no tension, no shear; half a spacing at the start\n");
     printf("  fragments          linking length %g supports, particles with D < %g\n",
            s->link, s->damage_below);
@@ -692,27 +699,29 @@ static int impact_ensemble(const impact_settings *s, const impact_options *o) {
 /* one row of the sensitivity table: what is changed, and by how much */
 typedef struct impact_row {
     const char *name;
-    double diameter, k, m, particles, projectile; /* factors */
+    double diameter, k, m, particles, projectile, viscosity; /* factors */
     long seed;
     int curve, off;
 } impact_row;
 
 static const impact_row impact_rows[] = {
-    {"default", 1, 1, 1, 1, 1, 0, 0, 0},
-    {"target diameter x 0.6", 0.6, 1, 1, 1, 1, 0, 0, 0},
-    {"target diameter x 0.8", 0.8, 1, 1, 1, 1, 0, 0, 0},
-    {"target diameter x 1.2", 1.2, 1, 1, 1, 1, 0, 0, 0},
-    {"weibull k x 0.01", 1, 0.01, 1, 1, 1, 0, 0, 0},
-    {"weibull k x 100", 1, 100, 1, 1, 1, 0, 0, 0},
-    {"weibull m x 0.9", 1, 1, 0.9, 1, 1, 0, 0, 0},
-    {"weibull m x 1.1", 1, 1, 1.1, 1, 1, 0, 0, 0},
-    {"flaw seed + 1", 1, 1, 1, 1, 1, 1, 0, 0},
-    {"flaw seed + 2", 1, 1, 1, 1, 1, 2, 0, 0},
-    {"particles x 0.5", 1, 1, 1, 0.5, 1, 0, 0, 0},
-    {"particles x 2", 1, 1, 1, 2, 1, 0, 0, 0},
-    {"projectile particles x 5", 1, 1, 1, 1, 5, 0, 0, 0},
-    {"quadratic crush curve", 1, 1, 1, 1, 1, 0, 1, 0},
-    {"correction and Balsara off", 1, 1, 1, 1, 1, 0, 0, 1}};
+    {"default", 1, 1, 1, 1, 1, 1, 0, 0, 0},
+    {"target diameter x 0.6", 0.6, 1, 1, 1, 1, 1, 0, 0, 0},
+    {"target diameter x 0.8", 0.8, 1, 1, 1, 1, 1, 0, 0, 0},
+    {"target diameter x 1.2", 1.2, 1, 1, 1, 1, 1, 0, 0, 0},
+    {"weibull k x 0.01", 1, 0.01, 1, 1, 1, 1, 0, 0, 0},
+    {"weibull k x 100", 1, 100, 1, 1, 1, 1, 0, 0, 0},
+    {"weibull m x 0.9", 1, 1, 0.9, 1, 1, 1, 0, 0, 0},
+    {"weibull m x 1.1", 1, 1, 1.1, 1, 1, 1, 0, 0, 0},
+    {"flaw seed + 1", 1, 1, 1, 1, 1, 1, 1, 0, 0},
+    {"flaw seed + 2", 1, 1, 1, 1, 1, 1, 2, 0, 0},
+    {"particles x 0.5", 1, 1, 1, 0.5, 1, 1, 0, 0, 0},
+    {"particles x 2", 1, 1, 1, 2, 1, 1, 0, 0, 0},
+    {"projectile particles x 5", 1, 1, 1, 1, 5, 1, 0, 0, 0},
+    {"viscosity x 0.5", 1, 1, 1, 1, 1, 0.5, 0, 0, 0},
+    {"viscosity x 0.15", 1, 1, 1, 1, 1, 0.15, 0, 0, 0},
+    {"quadratic crush curve", 1, 1, 1, 1, 1, 1, 0, 1, 0},
+    {"correction and Balsara off", 1, 1, 1, 1, 1, 1, 0, 0, 1}};
 enum { IMPACT_ROWS = sizeof impact_rows / sizeof impact_rows[0] };
 
 static impact_settings impact_row_settings(const impact_settings *s, const impact_row *row) {
@@ -722,6 +731,7 @@ static impact_settings impact_row_settings(const impact_settings *s, const impac
     own.weibull_m *= row->m;
     own.particles = (long)((double)own.particles * row->particles);
     own.projectile_particles = (long)((double)own.projectile_particles * row->projectile);
+    for (int k = 0; k < 2; k++) own.viscosity[k] *= row->viscosity;
     own.seed += row->seed;
     if (row->curve) own.curve = 1;
     if (row->off) own.correction = own.balsara = 0;
@@ -848,6 +858,7 @@ static void impact_parse(int argc, char **argv, impact_settings *s, impact_optio
         example_switch("correction", &s->correction, "of the kernel's gradient"),
         example_switch("balsara", &s->balsara, "no shear viscosity"),
         example_number("tension", "Pa", &s->tension, 0.0, 1e12, "that nylon bears"),
+        example_vector("viscosity", "a,b", s->viscosity, 2, "linear and quadratic, artificial"),
         example_number("cfl", "1", &s->cfl, 1e-3, 1.0, "Courant number"),
         example_number("t-end", "s", &s->t_end, 1e-12, 1e6, "end of the run"),
         example_number("every", "s", &s->every, 0.0, 1e6, "between outputs; 0: 20 of them"),

@@ -667,6 +667,53 @@ static void bodies_do_not_glue(void **state) {
     assert_true(fabs(pull[1]) < 0.02 * stuck);
 }
 
+static sphpa_result leave_damage(sphpa_sim *sim, void *params, size_t first, size_t last,
+                                 size_t *bad) {
+    (void)sim, (void)params, (void)first, (void)last, (void)bad;
+    return SPHPA_OK;
+}
+
+/* debris of the same body that flies off pulls at nothing and strains nothing; debris that comes
+   presses. any_neighbour: it does pull. */
+static void debris_does_not_pull(void **state) {
+    (void)state;
+    double moved[3], strained[3];
+    for (int k = 0; k < 3; k++) { /* away; away, as if whole; into it */
+        sphpa_particles p = set_of(2);
+        sphpa_body body = body_of(0.1);
+        body.u = 0.1;
+        add_box(&p, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, &body);
+        size_t whole = p.n;
+        body.v[0] = k < 2 ? 0.1 : -0.1;
+        add_box(&p, 1.0, 0.0, 0.0, 1.5, 1.0, 0.0, &body);
+        scene_of s = elastic(0.5);
+        s.solid.any_neighbour = k == 1;
+        s.solid.viscosity.a = s.solid.viscosity.b = -1.0;
+        s.extra.name = "damage that is there";
+        s.extra.passes = 1;
+        s.extra.pass[0].name = "leave damage";
+        s.extra.pass[0].stage = SPHPA_STAGE_DAMAGE;
+        s.extra.pass[0].writes = SPHPA_F(D);
+        s.extra.pass[0].particle = leave_damage;
+        sphpa_sim sim;
+        start(&s, &p, &sim);
+        for (size_t i = 0; i < sim.p.n; i++) sim.p.D[i] = sim.p.id[i] >= (int64_t)whole ? 1.0 : 0.0;
+        until(&sim, 0.3);
+        moved[k] = strained[k] = 0.0;
+        for (size_t i = 0; i < sim.p.n; i++) {
+            if ((double)sim.p.D[i] >= 1.0) continue;
+            moved[k] += (double)sim.p.m[i] * (double)sim.p.v[3 * i];
+            strained[k] = fmax(strained[k], fabs(sim.p.rho[i] - 1.0));
+        }
+        sphpa_sim_free(&sim);
+        sphpa_particles_free(&p);
+    }
+    assert_near_abs(moved[0], 0.0, 1e-15);
+    assert_near_abs(strained[0], 0.0, 1e-15);
+    assert_true(moved[1] > 1e-4 && strained[1] > 1e-3);
+    assert_true(moved[2] < -1e-4 && strained[2] > 1e-3);
+}
+
 /* a stretched body draws itself together, not what lies beside it */
 static void tension_stays_inside(void **state) {
     (void)state;
@@ -968,6 +1015,7 @@ int main(void) {
         cmocka_unit_test(rotation_has_no_strain_rate),
         cmocka_unit_test(rotation_is_not_strain),
         cmocka_unit_test(bodies_do_not_glue),
+        cmocka_unit_test(debris_does_not_pull),
         cmocka_unit_test(tension_stays_inside),
         cmocka_unit_test(noise_does_not_grow),
         cmocka_unit_test(limits_by_name),
