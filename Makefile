@@ -18,6 +18,9 @@ HDF5 ?=
 NO_INSTALL ?=
 ARGS ?=
 export NO_INSTALL
+# threads that wait give their core away: on a busy machine spinning ones cost many times the work
+OMP_WAIT_POLICY ?= passive
+export OMP_WAIT_POLICY
 ifeq ($(origin CC),default)
 CC := $(shell command -v cc >/dev/null 2>&1 && echo cc || { command -v gcc || command -v clang || echo cc; })
 endif

@@ -188,6 +188,10 @@
 #error "sphpa: SPHPA_FLOAT and SPHPA_DOUBLE are both defined; define one, or none for double"
 #endif
 
+#if !defined(__cplusplus) && (!defined(__STDC_VERSION__) || __STDC_VERSION__ < 201112L)
+#error "sphpa: needs C11 (cc -std=c11) or C++11"
+#endif
+
 #ifdef __cplusplus
 #define SPHPA_EXTERN_C_BEGIN_ extern "C" {
 #define SPHPA_EXTERN_C_END_ }
@@ -1620,7 +1624,7 @@ typedef struct sphpa_sim {
     double dt_stage;    /* [s] how far after the start of the step this evaluation is */
     int committing;     /* not 0 while step (5) runs */
     int started;        /* a and du are there for the predictor */
-    sphpa_particles p;
+    sphpa_particles p; /* sim->p.rho[i], sim->p.v[3*i]; body tells whose; the order changes */
     sphpa_sim_options options; /* defaults filled in */
     sphpa_scene scene;
     sphpa_stats stats;
@@ -1769,6 +1773,10 @@ typedef struct sphpa_solid_params {
     sphpa_viscosity viscosity;
 } sphpa_solid_params;
 
+/* The module; *params and what it points to must outlive the simulation. Bodies feel each other
+   through the kernel, at about its support. The default viscosity heats also where bodies bounce:
+   set its a and b to -1 for a purely elastic one. At creation: ERROR_MISSING (no materials),
+   ERROR_MATERIAL (no equation of state, G < 0), ERROR_RANGE (a particle's material). */
 SPHPA_DEF sphpa_module sphpa_solid(sphpa_solid_params *params);
 
 /* ================================================================================================

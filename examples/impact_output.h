@@ -121,6 +121,7 @@ static bool impact_gauge(const sphpa_sim *sim, const impact_settings *s, double 
     double sum = 0.0, weight = 0.0, origin = impact_origin(s);
     double at[3] = {origin + s->gauge[0], origin + s->gauge[1], origin + s->gauge[2]};
     for (size_t i = 0; i < p->n; i++) {
+        if (p->body[i] != IMPACT_TARGET) continue;
         double h = (double)p->h[i], r2 = 0.0;
         for (size_t a = 0; a < 3; a++)
             r2 += (p->x[3 * i + a] - at[a]) * (p->x[3 * i + a] - at[a]);
@@ -392,7 +393,7 @@ static void impact_draw_spectrum(const char *out, size_t fragments) {
         out, "spectrum.svg", 800, 560,
         "set title 'Cumulative mass spectrum of the fragments'\n"
         "set xlabel 'mass m of the target''s mass'\nset ylabel 'number of fragments of mass m or "
-        "more'\nset logscale xy\nset xrange [:1.5]\nset yrange [0.7:]\nset format x '10^{%T}'\n"
+        "more'\nset logscale xy\nset xrange [*<0.05:1.5]\nset yrange [0.7:*<20]\nset format x '10^{%T}'\n"
         "set grid\nset key below height 1\n"
         "set arrow from 0.0996, graph 0 to 0.0996, graph 1 nohead linewidth 2 linecolor '#2c7fb8'\n"
         "set arrow from 0.0835, graph 0 to 0.0835, graph 1 nohead dashtype 2 linewidth 2 "

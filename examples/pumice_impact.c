@@ -508,6 +508,9 @@ static void impact_print_assumptions(const impact_run *run) {
     printf("  end time           %g s\n", s->t_end);
     printf("  particles          %zu + %zu; a target particle has %.1f times the mass of a "
            "projectile one\n", run->sim.p.n - projectile, projectile, ratio);
+    if (ratio > 10.0)
+        printf("  note: at this ratio nylon passes between the target's particles and the crater is "
+               "not resolved;\n  more --particles cure that\n");
     if (s->curve == 1)
         printf("  note: the quadratic curve with the pumice's Pe and Ps is no fit of pumice: at a "
                "piston of 100 m/s\n  its shock pressure is 2.6 times that of the two-exponent "
