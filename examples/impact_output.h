@@ -389,19 +389,22 @@ static void impact_draw_spectrum(const char *out, size_t fragments) {
         fprintf(stderr, "left out %s/spectrum.svg: no fragments, all is damaged\n", out);
         return;
     }
-    example_picture(
-        out, "spectrum.svg", 800, 560,
-        "set title 'Cumulative mass spectrum of the fragments'\n"
-        "set xlabel 'mass m of the target''s mass'\nset ylabel 'number of fragments of mass m or "
-        "more'\nset logscale xy\nset xrange [*<0.05:1.5]\nset yrange [0.7:*<20]\nset format x '10^{%T}'\n"
-        "set grid\nset key below height 1\n"
-        "set arrow from 0.0996, graph 0 to 0.0996, graph 1 nohead linewidth 2 linecolor '#2c7fb8'\n"
-        "set arrow from 0.0835, graph 0 to 0.0835, graph 1 nohead dashtype 2 linewidth 2 "
-        "linecolor '#d95f0e'\n"
-        "plot 'spectrum.dat' using 1:2 with steps linewidth 2 linecolor 'black' title 'this run', "
-        "'' using 1:2 with points pointtype 7 pointsize 0.5 linecolor 'black' notitle, "
-        "1/0 linewidth 2 linecolor '#2c7fb8' title 'largest in the experiment, 0.0996', "
-        "1/0 dashtype 2 linewidth 2 linecolor '#d95f0e' title 'largest of GASPHiA, 0.0835'");
+    char script[2048];
+    snprintf(script, sizeof script,
+             "set title 'Cumulative mass spectrum of the fragments'\n"
+             "set xlabel 'mass m of the target''s mass'\nset ylabel 'number of fragments of mass m "
+             "or more'\nset logscale xy\nset xrange [1e-6:1.5]\nset yrange [0.7:%g]\n"
+             "set format x '10^{%%T}'\nset grid\nset key below height 1\n"
+             "set arrow from 0.0996, graph 0 to 0.0996, graph 1 nohead linewidth 2 linecolor "
+             "'#2c7fb8'\n"
+             "set arrow from 0.0835, graph 0 to 0.0835, graph 1 nohead dashtype 2 linewidth 2 "
+             "linecolor '#d95f0e'\n"
+             "plot 'spectrum.dat' using 1:2 with steps linewidth 2 linecolor 'black' title 'this "
+             "run', '' using 1:2 with points pointtype 7 pointsize 0.5 linecolor 'black' notitle, "
+             "1/0 linewidth 2 linecolor '#2c7fb8' title 'largest in the experiment, 0.0996', "
+             "1/0 dashtype 2 linewidth 2 linecolor '#d95f0e' title 'largest of GASPHiA, 0.0835'",
+             fmax(10.0, 3.0 * (double)fragments));
+    example_picture(out, "spectrum.svg", 800, 560, script);
 }
 
 static void impact_draw_largest(const char *out) {

@@ -131,6 +131,7 @@ static void impact_modules(impact_scene *scene, const impact_settings *s) {
     sphpa_scene_add(&scene->scene, sphpa_cracks(&scene->cracks));
 }
 
+#ifdef SPHPA_WITH_HDF5
 /* particles of a file become body 0 of pumice, at rest, around the scene's centre; the target's
    diameter becomes that of the sphere around them */
 static void impact_place_target(sphpa_particles *p, impact_settings *s) {
@@ -153,6 +154,7 @@ static void impact_place_target(sphpa_particles *p, impact_settings *s) {
         if (p->alpha[i] < 1.0) p->alpha[i] = alpha0;
     }
 }
+#endif
 
 static sphpa_result impact_read_target(sphpa_particles *bodies, const char *path,
                                        impact_settings *s, sphpa_error *err) {
@@ -250,6 +252,7 @@ static sphpa_result impact_checkpoint(impact_run *run, sphpa_error *err) {
 #endif
 }
 
+#ifdef SPHPA_WITH_HDF5
 /* whether two runs differ in a setting, and in which; t_end and cfl may change */
 static bool impact_differs(const impact_settings *a, const impact_settings *b, char option[32]) {
     impact_setting one[IMPACT_LISTED], other[IMPACT_LISTED];
@@ -262,6 +265,7 @@ static bool impact_differs(const impact_settings *a, const impact_settings *b, c
     }
     return false;
 }
+#endif
 
 /* the checkpoint to go on from, or "" to begin anew */
 static void impact_resume_path(const impact_run *run, char path[EXAMPLE_PATH + 32]) {
