@@ -24,6 +24,7 @@ static bool impact_has_hdf5(void) {
 
 /* ---- settings as a list ---------------------------------------------------------------------- */
 
+#ifdef SPHPA_WITH_HDF5
 /* All that a resumed run must share with the one before, and that files tell of it. */
 typedef struct impact_setting {
     const char *name; /* of the option; behind a blank, which part of it */
@@ -46,7 +47,6 @@ static void impact_list(const impact_settings *s, impact_setting list[IMPACT_LIS
     memcpy(list, all, sizeof all);
 }
 
-#ifdef SPHPA_WITH_HDF5
 /* the list as the text that a file keeps under /Parameters; must live as long as the info */
 typedef struct impact_texts {
     char key[IMPACT_LISTED][40], value[IMPACT_LISTED][32];
