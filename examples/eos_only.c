@@ -5,8 +5,14 @@
 #include "sphpa.h"
 
 #include <stdio.h>
+#include <string.h>
 
-int main(void) {
+int main(int argc, char **argv) {
+    if (argc > 1) {
+        printf("%s: takes no arguments; prints how pumice is crushed and released along a path\n",
+               argv[0]);
+        return strcmp(argv[1], "--help") == 0 ? 0 : 2;
+    }
     const sphpa_tillotson *matrix = sphpa_tillotson_find("pumice");
     sphpa_crush curve = sphpa_crush_pumice();
     sphpa_palpha_solution now;
