@@ -1255,6 +1255,8 @@ SPHPA_DEF sphpa_result sphpa_tree_friends(const sphpa_tree *tree, const double *
     X(P, sphpa_real, 1, "Pressures", -1, 1, -2, DERIVED, RESET, RESET, "pressure [Pa]")            \
     X(c, sphpa_real, 1, "SoundSpeeds", 1, 0, -1, DERIVED, RESET, RESET,                            \
       "fastest signal in the material at rest [m/s]")                                              \
+    X(c_visc, sphpa_real, 1, "ViscousSpeeds", 1, 0, -1, DERIVED, RESET, RESET,                     \
+      "wave speed that the viscosity goes by, where it is not c [m/s]")                            \
     X(id, int64_t, 1, "ParticleIDs", 0, 0, 0, CONSTANT, RESET, RESET, "number, never reused [1]")  \
     X(material, int32_t, 1, "MaterialIDs", 0, 0, 0, CONSTANT, COPY, COPY,                          \
       "place in the scene's list of materials [1]")                                                \
@@ -1499,6 +1501,7 @@ typedef struct sphpa_pass {
     sphpa_stage stage;
     sphpa_pass_kind kind;
     sphpa_mask reads, writes; /* all are allocated */
+    sphpa_mask uses;          /* read where another pass has them; not allocated for this one */
     sphpa_mask advances;      /* these also have a copy of the start of the step, p->start */
     int at_commit; /* GRADIENTS to DAMAGE, not 0: runs again at the step's end, dt_stage = dt */
     int unfiltered; /* PAIR, not 0: gets every listed particle, also beyond the supports */
@@ -1606,7 +1609,9 @@ typedef struct sphpa_stats {
     /* u may fall a little below 0: it is kept so, for the energy's sake, and equations of state are
        asked at max(u, 0). At the end of the last step: */
     double u_deficit; /* [J] sum of m max(-u, 0) */
+    double u_least;   /* [J/kg] the smallest u */
     uint64_t u_below; /* particles with u < 0 */
+    size_t u_particle; /* the one with the smallest u */
     size_t limit_particle;  /* the one that set the last step */
     int limit_last;         /* its place in limit[] */
     int timings, limits;    /* in use */
@@ -1650,8 +1655,9 @@ SPHPA_DEF void sphpa_sim_free(sphpa_sim *sim);
 SPHPA_DEF sphpa_result sphpa_sim_step(sphpa_sim *sim, double dt_limit, sphpa_error *err);
 
 /* Derived fields at the present state, for output: density, gradients and pressure are those of
-   the positions now, not of the middle of the last step. What is integrated stays as it was, to the
-   bit; the particles may get sorted. */
+   the positions now, not of the middle of the last step. They are there until the next step,
+   settle or checkpoint, which goes on from the ones before: how often a run puts out changes no
+   more than the order of the particles. What is integrated stays as it was, to the bit. */
 SPHPA_DEF sphpa_result sphpa_sim_refresh(sphpa_sim *sim, sphpa_error *err);
 
 /* Sorts the particles and forgets tree and lists: a run that goes on from here and one that is
@@ -1722,12 +1728,13 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
 /* ================================================================================================
    >>solid   elastic solids: continuity, tensor momentum, Hooke and Jaumann on particles
    ------------------------------------------------------------------------------------------------
-   v_ij = v_i - v_j, x_ij = x_i - x_j, V = m/rho, tension positive: sigma = S - P I, damaged
+   v_ij = v_i - v_j, x_ij = x_i - x_j, tension positive: sigma = S - P I, damaged
    sigma' = (1-D) S - (P < 0 ? (1-D) P : P) I. grad W is the mean of both particles' kernels.
-     (1) C_i = [sum_j V_j (x_j - x_i) outer grad W]^-1, blended into the identity where det C leaves
-         [0.2, 5] (a flat surface has 2 in 2-D and 3 in 3-D) or neighbours are fewer than 10 (2-D:
-         5); the identity without `correction`
-     (2) L_i = [sum_j V_j (v_j - v_i) outer grad W] C_i; for the continuity from all neighbours, but
+     (1) C_i = [sum_j w_ij (x_j - x_i) outer grad W]^-1, blended into the identity where det C
+         leaves [0.2, 5] (a flat surface has 2 in 2-D and 3 in 3-D) or neighbours are fewer than 10
+         (2-D: 5); the identity without `correction`. w_ij = m_j/(rho_i^p rho_j^(1-p)), p = 1/2 with
+         the correction and 1 without; m_j/rho_j for another body's particles
+     (2) L_i = [sum_j w_ij (v_j - v_i) outer grad W] C_i; for the continuity from all neighbours, but
          a particle that is not under pressure is not stretched by another body that leaves, nor a
          whole one by a broken one; for the
          stress of an undamaged particle from the undamaged ones of its own body. Where C is blended
@@ -1743,6 +1750,10 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
          over a pair is the work of (5), so total energy is kept to rounding
      (7) R = -eps sigma'/rho^2 in the principal directions under tension, f = W(r)/W(spacing)
    With one grad W for both particles linear momentum is exact; with C angular momentum is not.
+   Why w_ij and not the volume m_j/rho_j: (2) must add up to the density that the particles have when
+   a steep front has passed. Without C, p = 1 makes (3) the rate of the sum of m_j W, so it does; with
+   p = 0 a fourfold jump over three particles ends 20 % too dense, and P 40 % too high. With C any
+   weights are exact for linear v, and across a jump p = 0 errs one way as p = 1 the other way.
    References: Benz & Asphaug 1995 (CPC 87); Bonet & Lok 1999 (CMAME 180; correction); Monaghan
    2000 (JCP 159; artificial stress); Owen 2014 (compatible energy).
    Needs: sph, eos, strength. Read next: >>pores, >>plastic, >>cracks.
@@ -1753,6 +1764,8 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
 typedef struct sphpa_solid_material {
     sphpa_eos eos; /* its K is the bulk modulus where one is needed */
     double G;      /* [Pa] shear modulus; 0: a fluid */
+    double h_max;  /* [1] of (3), for this material; 0: that of the scene. Give what boils away more,
+                      or its particles lose each other and keep their pressure */
 } sphpa_solid_material;
 
 /* Zeroed members are the defaults. */
@@ -6794,6 +6807,8 @@ struct sphpa_work {
     int set_up;         /* modules whose setup was called */
     char *records;      /* packed records of the passes that share a traversal */
     size_t records_bytes;
+    char *kept;         /* what the next step predicts with, while a refresh shows other values */
+    size_t kept_bytes, kept_n; /* kept_n: particles; 0: nothing is kept */
     double *block_sum;  /* (blocks, 12) partial sums and minima */
     size_t *block_bad;  /* (blocks) particle that failed */
     unsigned char *block_result;
@@ -6878,6 +6893,18 @@ SPHPA_PRIVATE_ const sphpa_pass *sphpa_pass_find_(const sphpa_scene *scene, cons
     return NULL;
 }
 
+/* whether a pass comes back to itself by what it replaces, what that replaces, and so on */
+SPHPA_PRIVATE_ bool sphpa_pass_circular_(const sphpa_scene *scene, const sphpa_pass *pass) {
+    const sphpa_pass *next = pass;
+    void *params = NULL;
+    for (int chain = 0; chain < SPHPA_SCENE_PASSES && next->replaces != NULL; chain++) {
+        next = sphpa_pass_find_(scene, next->replaces, false, &params);
+        if (next == NULL) return false;
+        if (next == pass) return chain > 0; /* itself alone: another mistake */
+    }
+    return false;
+}
+
 /* puts a pass, or what replaces it, at the end; one that replaces another of its stage waits for
    that one's place, so that the order of adding does not matter */
 SPHPA_PRIVATE_ sphpa_result sphpa_sim_place_pass_(sphpa_sim *sim, const sphpa_pass *pass,
@@ -6885,6 +6912,10 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_place_pass_(sphpa_sim *sim, const sphpa_pa
     const sphpa_scene *scene = &sim->scene;
     void *other_params = NULL;
     const sphpa_pass *other = NULL;
+    if (pass->name != NULL && sphpa_pass_circular_(scene, pass))
+        return sphpa_error_set(err, SPHPA_ERROR_RANGE,
+                               "pass \"%s\" replaces \"%s\" and is replaced by it in turn; remove "
+                               "one of their modules", pass->name, pass->replaces);
     if (pass->replaces != NULL)
         other = sphpa_pass_find_(scene, pass->replaces, false, &other_params);
     if (other != NULL && other != pass && other->stage == pass->stage) return SPHPA_OK;
@@ -7001,6 +7032,7 @@ SPHPA_PRIVATE_ void sphpa_work_free_(struct sphpa_work *work) {
     SPHPA_FREE(work->point);
     SPHPA_FREE(work->support);
     SPHPA_FREE(work->records);
+    SPHPA_FREE(work->kept);
     SPHPA_FREE(work->block_sum);
     SPHPA_FREE(work->block_bad);
     SPHPA_FREE(work->block_result);
@@ -7329,9 +7361,10 @@ SPHPA_PRIVATE_ int sphpa_sim_group_end_(const sphpa_sim *sim, int first) {
         sphpa_mask writes = pass->writes | pass->advances;
         if (pass->kind != SPHPA_PASS_PAIR || pass->stage != one->stage) break;
         if ((pass->at_commit != 0) != (one->at_commit != 0)) break;
-        if ((pass->reads & written) != 0 || (k > first && (writes & read) != 0)) break;
+        sphpa_mask reads = pass->reads | pass->uses;
+        if ((reads & written) != 0 || (k > first && (writes & read) != 0)) break;
         written |= writes;
-        read |= pass->reads;
+        read |= reads;
     }
     return k;
 }
@@ -7466,12 +7499,13 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_energy_(sphpa_sim *sim, sphpa_error *err) 
 }
 
 /* equations (3) and (4) for [first, last); the first particle whose state is no longer finite, or
-   last; below: [J] what u lacks to 0, and in how many particles */
+   last; below: [J] what u lacks to 0, in how many particles, the smallest u and whose it is */
 SPHPA_PRIVATE_ size_t sphpa_sim_finish_block_(sphpa_sim *sim, size_t first, size_t last,
-                                              double below[2]) {
+                                              double below[4]) {
     sphpa_particles *p = &sim->p;
     size_t bad = last;
     below[0] = below[1] = 0.0;
+    below[2] = HUGE_VAL, below[3] = (double)first;
     for (size_t i = last; i-- > first;) {
         double sane = 0.0;
         for (size_t k = 3 * i; k < 3 * i + 3; k++) {
@@ -7481,6 +7515,7 @@ SPHPA_PRIVATE_ size_t sphpa_sim_finish_block_(sphpa_sim *sim, size_t first, size
         }
         p->u[i] = p->start.u[i] + sim->dt * (double)p->du[i];
         if (p->u[i] < 0.0) below[0] -= (double)p->m[i] * p->u[i], below[1] += 1.0;
+        if (p->u[i] <= below[2]) below[2] = p->u[i], below[3] = (double)i;
         if (!sphpa_finite_(sane + p->u[i])) bad = i;
     }
     return bad;
@@ -7494,15 +7529,20 @@ SPHPA_PRIVATE_ size_t sphpa_sim_finish_(sphpa_sim *sim) {
     for (long block = 0; block < blocks; block++) {
         size_t end = sphpa_block_end_((size_t)block, n);
         size_t bad = sphpa_sim_finish_block_(sim, (size_t)block * SPHPA_BLOCK_, end,
-                                             &work->block_sum[2 * block]);
+                                             &work->block_sum[4 * block]);
         work->block_bad[block] = bad < end ? bad : n;
     }
     size_t bad = n;
-    sim->stats.u_deficit = 0.0;
-    sim->stats.u_below = 0;
+    sphpa_stats *stats = &sim->stats;
+    stats->u_deficit = 0.0;
+    stats->u_least = HUGE_VAL;
+    stats->u_below = 0;
     for (long block = 0; block < blocks; block++) {
-        sim->stats.u_deficit += work->block_sum[2 * block];
-        sim->stats.u_below += (uint64_t)work->block_sum[2 * block + 1];
+        const double *below = &work->block_sum[4 * block];
+        stats->u_deficit += below[0];
+        stats->u_below += (uint64_t)below[1];
+        if (below[2] < stats->u_least)
+            stats->u_least = below[2], stats->u_particle = (size_t)below[3];
         if (work->block_bad[block] < bad) bad = work->block_bad[block];
     }
     sphpa_sim_wrap_(sim);
@@ -7640,7 +7680,57 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_advance_(sphpa_sim *sim, sphpa_error *err)
     return sphpa_sim_commit_(sim, err);
 }
 
+/* whether array k (see sphpa_particles_array_) is one that the passes of a refresh compute and that
+   no copy of the start brings back */
+SPHPA_PRIVATE_ bool sphpa_sim_shown_(const sphpa_sim *sim, int k) {
+    int fields = (int)SPHPA_FIELD_COUNT, column = k - 2 * fields;
+    if (column >= 0)
+        return column < sim->p.columns && sim->p.column[column].role == SPHPA_ROLE_DERIVED;
+    if (k >= fields || sphpa_has_(sim->p.start_fields, k)) return false;
+    for (int pass = 0; pass < sim->passes; pass++)
+        if ((int)sim->pass[pass]->stage >= (int)SPHPA_STAGE_GRADIENTS &&
+            (int)sim->pass[pass]->stage <= (int)SPHPA_STAGE_DAMAGE &&
+            sphpa_has_(sim->pass[pass]->writes, k))
+            return true;
+    return false;
+}
+
+/* all that is shown into work->kept, or back from there */
+SPHPA_PRIVATE_ void sphpa_sim_keep_shown_(sphpa_sim *sim, bool back) {
+    char *at = sim->work->kept;
+    for (int k = 0; k < SPHPA_ARRAYS_; k++) {
+        if (!sphpa_sim_shown_(sim, k)) continue;
+        sphpa_array_ array = sphpa_particles_array_(&sim->p, k);
+        size_t bytes = sim->p.n * array.bytes;
+        if (bytes == 0) continue;
+        if (back) memcpy(array.data, at, bytes);
+        else memcpy(at, array.data, bytes);
+        at += bytes;
+    }
+    sim->work->kept_n = back ? 0 : sim->p.n;
+}
+
+/* An output must not change the run: what a refresh put in place of the values that the next step
+   predicts with goes back before anything else happens. */
+SPHPA_PRIVATE_ void sphpa_sim_unrefresh_(sphpa_sim *sim) {
+    if (sim->work->kept_n > 0 && sim->work->kept_n == sim->p.n) sphpa_sim_keep_shown_(sim, true);
+    sim->work->kept_n = 0;
+}
+
+SPHPA_PRIVATE_ sphpa_result sphpa_sim_keep_(sphpa_sim *sim, sphpa_error *err) {
+    struct sphpa_work *work = sim->work;
+    size_t each = 0;
+    for (int k = 0; k < SPHPA_ARRAYS_; k++)
+        if (sphpa_sim_shown_(sim, k)) each += sphpa_particles_array_(&sim->p, k).bytes;
+    if (!sphpa_grow_((void **)&work->kept, &work->kept_bytes, sim->p.n * each + 1, 1))
+        return sphpa_error_set(err, SPHPA_ERROR_MEMORY, "no memory to refresh %zu particles",
+                               sim->p.n);
+    sphpa_sim_keep_shown_(sim, false);
+    return SPHPA_OK;
+}
+
 SPHPA_DEF sphpa_result sphpa_sim_step(sphpa_sim *sim, double dt_limit, sphpa_error *err) {
+    sphpa_sim_unrefresh_(sim);
     if (!(dt_limit > 0.0))
         return sphpa_error_set(err, SPHPA_ERROR_RANGE,
                                "a step of at most %g s; it must be positive", dt_limit);
@@ -7667,12 +7757,14 @@ SPHPA_DEF sphpa_result sphpa_sim_step(sphpa_sim *sim, double dt_limit, sphpa_err
 }
 
 SPHPA_DEF sphpa_result sphpa_sim_refresh(sphpa_sim *sim, sphpa_error *err) {
+    sphpa_sim_unrefresh_(sim);
     if (!sphpa_work_reserve_(sim->work, sim->p.n))
         return sphpa_error_set(err, SPHPA_ERROR_MEMORY, "no memory for %zu particles", sim->p.n);
     double dt = sim->dt;
     sphpa_sim_copy_start_(sim, false);
     sim->dt = sim->dt_stage = 0.0;
     sphpa_result result = sphpa_sim_density_(sim, err);
+    if (result == SPHPA_OK) result = sphpa_sim_keep_(sim, err);
     for (int stage = SPHPA_STAGE_GRADIENTS; stage <= (int)SPHPA_STAGE_DAMAGE; stage++)
         if (result == SPHPA_OK) result = sphpa_sim_stage_(sim, (sphpa_stage)stage, false, err);
     sphpa_sim_copy_start_(sim, true); /* to the bit, whatever a solver made of a step of 0 */
@@ -7681,6 +7773,7 @@ SPHPA_DEF sphpa_result sphpa_sim_refresh(sphpa_sim *sim, sphpa_error *err) {
 }
 
 SPHPA_DEF sphpa_result sphpa_sim_settle(sphpa_sim *sim, sphpa_error *err) {
+    sphpa_sim_unrefresh_(sim);
     sphpa_result result = sphpa_sim_build_tree_(sim, err);
     return result == SPHPA_OK ? sphpa_particles_permute(&sim->p, sim->tree.order, err) : result;
 }
@@ -8311,31 +8404,47 @@ SPHPA_PRIVATE_ const sphpa_solid_material *sphpa_solid_material_(const sphpa_sol
     return &solid->material[sim->p.material[i]];
 }
 
+/* [1] the largest h of a particle in units of its h0 */
+SPHPA_PRIVATE_ double sphpa_solid_h_max_(const sphpa_solid_params *solid, const sphpa_sim *sim,
+                                         size_t i) {
+    double own = sphpa_solid_material_(solid, sim, i)->h_max;
+    return own > 0.0 ? own : solid->h_max > 0.0 ? solid->h_max : 1.5;
+}
+
 /* ---- gradients: equations (1) and (2) -------------------------------------------------------- */
 
+/* What a neighbour's gradients ask of a particle. */
 typedef struct sphpa_solid_point_ {
-    double v[3], volume, D, P; /* [m/s] [m^dim] [1] [Pa] */
-    int32_t body;
+    double v[3], volume, rho, root, D; /* [m/s] [m^dim] [kg/m3] [rho^p of (2)] [1] */
+    int32_t body, relaxed;             /* not under pressure */
 } sphpa_solid_point_;
+
+/* all but the velocity */
+SPHPA_FORCE_INLINE_ void sphpa_solid_point_of_(const sphpa_particles *p,
+                                               const sphpa_solid_params *solid, size_t i,
+                                               double rho, sphpa_solid_point_ *point) {
+    point->volume = (double)p->m[i] / rho;
+    point->rho = rho;
+    point->root = solid->correction ? sqrt(rho) : rho;
+    point->D = p->D != NULL ? (double)p->D[i] : 0.0;
+    point->body = p->body[i];
+    point->relaxed = !((double)p->P[i] > 0.0);
+}
 
 SPHPA_PRIVATE_ void sphpa_solid_pack_points_(const sphpa_sim *sim, const void *params, size_t first,
                                              size_t last, void *records) {
-    (void)params;
     const sphpa_particles *p = &sim->p;
     for (size_t i = first; i < last; i++) {
         sphpa_solid_point_ *point = (sphpa_solid_point_ *)records + i;
         for (size_t a = 0; a < 3; a++) point->v[a] = (double)p->v[3 * i + a];
-        /* of this evaluation, by the last rate: the density itself waits for the gradient, and C
-           goes into forces with the density that is yet to come */
-        point->volume =
-            (double)p->m[i] / p->start.rho[i] * exp(sim->dt_stage * (double)p->div_v[i]);
-        point->D = p->D != NULL ? (double)p->D[i] : 0.0;
-        point->P = (double)p->P[i];
-        point->body = p->body[i];
+        /* rho of this evaluation, by the last rate: the density itself waits for the gradient, and
+           C goes into forces with the density that is yet to come */
+        sphpa_solid_point_of_(p, (const sphpa_solid_params *)params, i,
+                              p->start.rho[i] * exp(-sim->dt_stage * (double)p->div_v[i]), point);
     }
 }
 
-/* Raw sums over neighbours: V (v_j - v_i) outer grad W and V (x_j - x_i) outer grad W. */
+/* Raw sums over neighbours: w (v_j - v_i) outer grad W and w (x_j - x_i) outer grad W, of (2). */
 typedef struct sphpa_solid_sums_ {
     double v[9], x[6], count; /* x: xx yy zz xy yz xz */
 } sphpa_solid_sums_;
@@ -8349,6 +8458,31 @@ SPHPA_FORCE_INLINE_ void sphpa_solid_sum_(sphpa_solid_sums_ *sums, double g, dou
     sums->x[0] -= dx * gx, sums->x[1] -= dy * gy, sums->x[2] -= dz * gz;
     sums->x[3] -= dx * gy, sums->x[4] -= dy * gz, sums->x[5] -= dx * gz;
     sums->count += 1.0;
+}
+
+/* What a particle's rates are made of: sums over all neighbours that count, and over those of them
+   that do not strain the solid. */
+typedef struct sphpa_solid_rates_ {
+    sphpa_solid_sums_ all, left_out;
+} sphpa_solid_rates_;
+
+/* neighbour j's part in the sums of i; g: the mean of both kernels' gradients, along (dx, dy, dz) =
+   x_i - x_j; per_root: 1/root of i. Who counts, and for what, is decided here alone: see (2). */
+SPHPA_FORCE_INLINE_ void sphpa_solid_gather_(const sphpa_solid_params *solid,
+                                             const sphpa_solid_point_ *i,
+                                             const sphpa_solid_point_ *j, double per_root, double g,
+                                             double dx, double dy, double dz,
+                                             sphpa_solid_rates_ *rates) {
+    double vx = j->v[0] - i->v[0], vy = j->v[1] - i->v[1], vz = j->v[2] - i->v[2];
+    bool choosy = !solid->any_neighbour && i->D < 1.0;
+    bool foreign = j->body != i->body, broken = choosy && j->D >= 1.0;
+    if (i->relaxed && (broken || (foreign && !solid->bodies_stick)) &&
+        vx * dx + vy * dy + vz * dz < 0.0)
+        return; /* it leaves, and pulls at nothing */
+    double weight = g * j->volume * (foreign ? 1.0 : j->root * per_root);
+    sphpa_solid_sum_(&rates->all, weight, dx, dy, dz, vx, vy, vz);
+    if (broken || (choosy && foreign))
+        sphpa_solid_sum_(&rates->left_out, weight, dx, dy, dz, vx, vy, vz);
 }
 
 SPHPA_PRIVATE_ double sphpa_ramp_(double a, double zero, double one) {
@@ -8429,8 +8563,8 @@ SPHPA_PRIVATE_ sphpa_sym3 sphpa_solid_gradient_(const sphpa_solid_sums_ *sums, i
 /* L and div v from the sums; with the velocities of the evaluation (not time-centred) also what the
    forces go by, C and Balsara's factor */
 SPHPA_PRIVATE_ void sphpa_solid_store_(sphpa_sim *sim, const sphpa_solid_params *solid, size_t i,
-                                       const sphpa_solid_sums_ *all,
-                                       const sphpa_solid_sums_ *left_out, bool centred) {
+                                       const sphpa_solid_rates_ *rates, bool centred) {
+    const sphpa_solid_sums_ *all = &rates->all, *left_out = &rates->left_out;
     double L[9];
     sphpa_sym3 C = sphpa_solid_gradient_(all, sim->p.dim, solid->correction != 0, L);
     sim->p.div_v[i] = (sphpa_real)(L[0] + L[4] + L[8]);
@@ -8460,28 +8594,14 @@ SPHPA_PRIVATE_ void sphpa_solid_gradients_(sphpa_sim *sim, void *params,
     const sphpa_solid_params *solid = (const sphpa_solid_params *)params;
     const sphpa_solid_point_ *points = (const sphpa_solid_point_ *)(const void *)near->records;
     const sphpa_solid_point_ *own = points + near->i;
-    sphpa_solid_sums_ all, left_out;
-    double *gi, *gj;
-    memset(&all, 0, sizeof all);
-    memset(&left_out, 0, sizeof left_out);
+    sphpa_solid_rates_ rates;
+    double *gi, *gj, per_root = 1.0 / own->root;
+    memset(&rates, 0, sizeof rates);
     sphpa_pair_gradients_(sim, near, &gi, &gj);
-    bool choosy = !solid->any_neighbour && own->D < 1.0;
-    bool relaxed = !(own->P > 0.0);
-    for (size_t k = 0; k < near->count; k++) {
-        const sphpa_solid_point_ *other = points + near->j[k];
-        double g = 0.5 * other->volume * (gi[k] + gj[k]), vx = other->v[0] - own->v[0];
-        double vy = other->v[1] - own->v[1], vz = other->v[2] - own->v[2];
-        double dx = near->dx[k], dy = near->dy[k], dz = near->dz[k];
-        bool foreign = other->body != own->body;
-        bool broken = choosy && other->D >= 1.0;
-        if (relaxed && (broken || (foreign && !solid->bodies_stick)) &&
-            vx * dx + vy * dy + vz * dz < 0.0)
-            continue; /* it leaves, and pulls at nothing */
-        sphpa_solid_sum_(&all, g, dx, dy, dz, vx, vy, vz);
-        if (broken || (choosy && foreign))
-            sphpa_solid_sum_(&left_out, g, dx, dy, dz, vx, vy, vz);
-    }
-    sphpa_solid_store_(sim, solid, near->i, &all, &left_out, false);
+    for (size_t k = 0; k < near->count; k++)
+        sphpa_solid_gather_(solid, own, points + near->j[k], per_root, 0.5 * (gi[k] + gj[k]),
+                            near->dx[k], near->dy[k], near->dz[k], &rates);
+    sphpa_solid_store_(sim, solid, near->i, &rates, false);
 }
 
 /* ---- the state of a particle: equations (3) and (4) ------------------------------------------ */
@@ -8491,8 +8611,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_solid_density_(sphpa_sim *sim, void *params, s
     const sphpa_solid_params *solid = (const sphpa_solid_params *)params;
     sphpa_particles *p = &sim->p;
     double least = solid->h_min > 0.0 ? solid->h_min : 0.6;
-    double most = solid->h_max > 0.0 ? solid->h_max : 1.5;
     for (size_t i = first; i < last; i++) {
+        double most = sphpa_solid_h_max_(solid, sim, i);
         double strain = sim->dt_stage * (double)p->div_v[i], h0 = (double)p->h0[i];
         p->rho[i] = p->start.rho[i] * exp(-strain);
         if (!(p->rho[i] > 0.0) || !sphpa_finite_(p->rho[i])) {
@@ -8576,12 +8696,12 @@ SPHPA_PRIVATE_ sphpa_result sphpa_solid_stress_(sphpa_sim *sim, void *params, si
 /* ---- forces and energy: equations (5) to (7) ------------------------------------------------- */
 
 typedef struct sphpa_solid_record_ {
-    double v[3], mean_v[3]; /* [m/s] of this evaluation, and of the middle of its kick */
-    double T[9];            /* sigma' C/rho^2 */
-    double push;            /* max(P, 0)/rho^2, all that passes between bodies */
-    double m, rho, c, f, D; /* f: Balsara's factor, 1 without */
-    double R[6];            /* artificial stress over rho^2 */
-    int32_t body;
+    sphpa_solid_point_ point; /* its v is that of the middle of the kick */
+    double v[3];    /* [m/s] of this evaluation */
+    double T[9];    /* sigma' C/rho^2 */
+    double push;    /* max(P, 0)/rho^2, all that passes between bodies */
+    double m, c, f; /* [kg]; [m/s] of the viscosity; Balsara's factor, 1 without */
+    double R[6];    /* artificial stress over rho^2 */
 } sphpa_solid_record_;
 
 /* R of (7): the tensile principal stresses, turned round and scaled */
@@ -8600,8 +8720,8 @@ SPHPA_PRIVATE_ void sphpa_solid_pack_one_(const sphpa_sim *sim, const sphpa_soli
                                           size_t i, sphpa_solid_record_ *record) {
     const sphpa_particles *p = &sim->p;
     double rho = p->rho[i], per_rho2 = 1.0 / (rho * rho), P = (double)p->P[i];
-    record->D = p->D != NULL ? (double)p->D[i] : 0.0;
-    double whole = 1.0 - record->D;
+    sphpa_solid_point_of_(p, solid, i, rho, &record->point);
+    double whole = 1.0 - record->point.D;
     sphpa_sym3 sigma = sphpa_sym3_load_(p->S + 6 * i), C = {1.0, 1.0, 1.0, 0.0, 0.0, 0.0};
     double shear = solid->damage_in_yield ? 1.0 : whole, pressure = P < 0.0 ? whole * P : P;
     sigma.xx = shear * sigma.xx - pressure;
@@ -8622,13 +8742,11 @@ SPHPA_PRIVATE_ void sphpa_solid_pack_one_(const sphpa_sim *sim, const sphpa_soli
     for (size_t a = 0; a < 9; a += 4) record->T[a] -= across;
     for (size_t a = 0; a < 3; a++) {
         record->v[a] = (double)p->v[3 * i + a];
-        record->mean_v[a] = sphpa_sim_mean_v_(sim, 3 * i + a);
+        record->point.v[a] = sphpa_sim_mean_v_(sim, 3 * i + a);
     }
     record->m = (double)p->m[i];
-    record->rho = rho;
-    record->c = (double)p->c[i];
+    record->c = (double)(p->c_visc != NULL ? p->c_visc[i] : p->c[i]);
     record->f = p->balsara != NULL ? (double)p->balsara[i] : 1.0;
-    record->body = p->body[i];
 }
 
 SPHPA_PRIVATE_ void sphpa_solid_pack_(const sphpa_sim *sim, const void *params, size_t first,
@@ -8684,8 +8802,8 @@ SPHPA_PRIVATE_ const double *sphpa_solid_near_(const sphpa_sim *sim, const sphpa
 SPHPA_FORCE_INLINE_ bool sphpa_solid_joined_(const sphpa_solid_pair_ *pair,
                                              const sphpa_solid_record_ *i,
                                              const sphpa_solid_record_ *j) {
-    return (pair->stick || i->body == j->body) &&
-           (pair->any || (i->D >= 1.0) == (j->D >= 1.0));
+    return (pair->stick || i->point.body == j->point.body) &&
+           (pair->any || (i->point.D >= 1.0) == (j->point.D >= 1.0));
 }
 
 /* scalar and tensor parts of what both particles share: -Pi and f^n (R_i + R_j), times x_ij */
@@ -8701,7 +8819,7 @@ SPHPA_FORCE_INLINE_ void sphpa_solid_shared_(const sphpa_solid_pair_ *pair,
         pi = 0.5 * (i->f + j->f) *
              sphpa_viscosity_pi_(pair->a, pair->b, vx, near->r[k] * near->r[k],
                                  0.5 * (pair->h + near->h[k]), 0.5 * (i->c + j->c),
-                                 0.5 * (i->rho + j->rho), mu);
+                                 0.5 * (i->point.rho + j->point.rho), mu);
     out[0] = -pi * x, out[1] = -pi * y, out[2] = -pi * z;
     if (close != NULL && sphpa_solid_joined_(pair, i, j)) {
         double R[6];
@@ -8756,37 +8874,22 @@ SPHPA_PRIVATE_ void sphpa_solid_energy_(sphpa_sim *sim, void *params,
     const sphpa_solid_record_ *records = (const sphpa_solid_record_ *)(const void *)near->records;
     const sphpa_solid_record_ *own = records + near->i;
     sphpa_solid_pair_ pair = sphpa_solid_pair_of_(sim, solid, near->i);
-    sphpa_solid_sums_ all, left_out;
-    double sum = 0.0, mu, shared[3], mine[3], *gi, *gj;
-    memset(&all, 0, sizeof all);
-    memset(&left_out, 0, sizeof left_out);
+    sphpa_solid_rates_ rates;
+    double sum = 0.0, mu, shared[3], mine[3], *gi, *gj, per_root = 1.0 / own->point.root;
+    memset(&rates, 0, sizeof rates);
     sphpa_pair_gradients_(sim, near, &gi, &gj);
     const double *close = sphpa_solid_near_(sim, &pair, near);
-    bool choosy = !solid->any_neighbour && own->D < 1.0;
-    bool relaxed = !(own->push > 0.0);
     for (size_t k = 0; k < near->count; k++) {
         const sphpa_solid_record_ *other = records + near->j[k];
-        double g = 0.5 * (gi[k] + gj[k]), volume = other->m / other->rho;
-        double dx = near->dx[k], dy = near->dy[k], dz = near->dz[k];
-        double vx = other->mean_v[0] - own->mean_v[0], vy = other->mean_v[1] - own->mean_v[1];
-        double vz = other->mean_v[2] - own->mean_v[2];
-        bool same = sphpa_solid_joined_(&pair, own, other);
+        const double *v = own->point.v, *w = other->point.v;
+        double g = 0.5 * (gi[k] + gj[k]), dx = near->dx[k], dy = near->dy[k], dz = near->dz[k];
         sphpa_solid_shared_(&pair, own, other, near, close, k, shared, &mu);
-        sphpa_solid_own_(own, same, dx, dy, dz, mine);
-        sum += g * other->m *
-               (vx * (mine[0] + 0.5 * shared[0]) + vy * (mine[1] + 0.5 * shared[1]) +
-                vz * (mine[2] + 0.5 * shared[2]));
-        bool foreign = other->body != own->body;
-        bool broken = choosy && other->D >= 1.0;
-        if (relaxed && (broken || (foreign && !solid->bodies_stick)) &&
-            vx * dx + vy * dy + vz * dz < 0.0)
-            continue; /* it leaves, and pulls at nothing */
-        sphpa_solid_sum_(&all, g * volume, dx, dy, dz, vx, vy, vz);
-        if (choosy && (foreign || other->D >= 1.0))
-            sphpa_solid_sum_(&left_out, g * volume, dx, dy, dz, vx, vy, vz);
+        sphpa_solid_own_(own, sphpa_solid_joined_(&pair, own, other), dx, dy, dz, mine);
+        for (int a = 0; a < 3; a++) sum += g * other->m * (w[a] - v[a]) * (mine[a] + 0.5 * shared[a]);
+        sphpa_solid_gather_(solid, &own->point, &other->point, per_root, g, dx, dy, dz, &rates);
     }
     sim->p.du[near->i] = (sphpa_real)((double)sim->p.du[near->i] + sum);
-    sphpa_solid_store_(sim, solid, near->i, &all, &left_out, true);
+    sphpa_solid_store_(sim, solid, near->i, &rates, true);
 }
 
 /* ---- limits and the module ------------------------------------------------------------------- */
@@ -8854,6 +8957,7 @@ SPHPA_PRIVATE_ void sphpa_solid_gradient_pass_(sphpa_module *module,
         flow | SPHPA_F(body) | SPHPA_F(c) | SPHPA_F(P),
         SPHPA_F(L) | SPHPA_F(div_v) | SPHPA_F(cut) | corrected | balsara);
     gradients->kind = SPHPA_PASS_PAIR;
+    gradients->uses = SPHPA_F(D);
     gradients->record_bytes = sizeof(sphpa_solid_point_);
     gradients->pack = sphpa_solid_pack_points_;
     gradients->pair = sphpa_solid_gradients_;
@@ -8873,6 +8977,7 @@ SPHPA_PRIVATE_ void sphpa_solid_force_passes_(sphpa_module *module,
                                             all | SPHPA_F(a),
                                             SPHPA_F(du) | SPHPA_F(L) | SPHPA_F(div_v));
     forces->kind = energy->kind = SPHPA_PASS_PAIR;
+    forces->uses = energy->uses = SPHPA_F(D) | SPHPA_F(c_visc);
     forces->record_bytes = energy->record_bytes = sizeof(sphpa_solid_record_);
     forces->pack = energy->pack = sphpa_solid_pack_;
     forces->pair = sphpa_solid_forces_;
@@ -8976,6 +9081,12 @@ SPHPA_PRIVATE_ sphpa_result sphpa_pores_solve_(sphpa_sim *sim, const sphpa_pores
         if (sim->p.alpha_min != NULL) sim->p.alpha_min[i] = sphpa_min_(alpha, batch->before[k]);
         sim->p.P[i] = (sphpa_real)batch->P[k];
         sim->p.c[i] = (sphpa_real)sphpa_solid_wave_(batch->c[k], G, alpha * batch->rho[k]);
+        sim->p.c_visc[i] = sim->p.c[i];
+        double crushing = 0.0; /* what closes pores now is smoothed by the speed of its own wave */
+        if (alpha < batch->before[k] &&
+            sphpa_palpha_loading_c(matrix, &pores->crush[material], batch->rho[k], batch->u[k],
+                                   alpha, &crushing) == SPHPA_OK)
+            sim->p.c_visc[i] = (sphpa_real)sphpa_min_(crushing, (double)sim->p.c[i]);
     }
     return SPHPA_OK;
 }
@@ -9012,6 +9123,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_pores_pressure_(sphpa_sim *sim, void *params, 
         sphpa_result result = sphpa_solid_dense_(sim, pores->solid, i);
         *bad = i;
         if (result != SPHPA_OK) return result;
+        sim->p.c_visc[i] = sim->p.c[i];
     }
     sphpa_pores_count_(&pores->stats, &seen);
     return SPHPA_OK;
@@ -9166,7 +9278,8 @@ SPHPA_DEF sphpa_module sphpa_pores(sphpa_pores_params *params) {
         if (sphpa_pores_porous_(params, k) && params->crush[k].elastic == SPHPA_CRUSH_HERRMANN)
             advances |= SPHPA_F(alpha_min);
     sphpa_pass *pressure = sphpa_module_pass_(&module, "pores pressure", SPHPA_STAGE_PRESSURE,
-                                              SPHPA_F(rho) | SPHPA_F(u), SPHPA_F(P) | SPHPA_F(c));
+                                              SPHPA_F(rho) | SPHPA_F(u),
+                                              SPHPA_F(P) | SPHPA_F(c) | SPHPA_F(c_visc));
     pressure->replaces = "solid pressure";
     pressure->advances = advances;
     pressure->particle = sphpa_pores_pressure_;
@@ -9234,6 +9347,7 @@ SPHPA_DEF sphpa_module sphpa_plastic(sphpa_plastic_params *params) {
     module.setup = sphpa_plastic_setup_;
     sphpa_pass *yield = sphpa_module_pass_(&module, "plastic yield", SPHPA_STAGE_YIELD,
                                            SPHPA_F(P) | SPHPA_F(u), SPHPA_F(S));
+    yield->uses = SPHPA_F(alpha) | SPHPA_F(D);
     yield->particle = sphpa_plastic_yield_;
     yield->at_commit = 1;
     return module;
@@ -9271,10 +9385,11 @@ SPHPA_PRIVATE_ uint32_t sphpa_cracks_visit_(void *user, size_t particle, double 
 /* the walk twice: once to count, once to fill the pool behind what is there already */
 SPHPA_PRIVATE_ sphpa_result sphpa_cracks_walk_body_(sphpa_sim *sim, sphpa_cracks_params *cracks,
                                                     const sphpa_flaw_params *flaws,
-                                                    const size_t *index, size_t n, int32_t body) {
+                                                    const size_t *index, size_t n,
+                                                    uint64_t stream) {
     sphpa_particles *p = &sim->p;
     sphpa_cracks_walk_ walk = {p, index, NULL};
-    sphpa_rng rng = sphpa_rng_seed(cracks->seed, (uint64_t)(uint32_t)body), again = rng;
+    sphpa_rng rng = sphpa_rng_seed(cracks->seed, stream), again = rng;
     size_t total = 0, capacity = cracks->pool_count, first = cracks->pool_count;
     sphpa_result result = sphpa_flaw_assign(flaws, n, &rng, sphpa_cracks_visit_, &walk, &total);
     if (result != SPHPA_OK) return result;
@@ -9301,13 +9416,14 @@ SPHPA_PRIVATE_ sphpa_result sphpa_cracks_walk_body_(sphpa_sim *sim, sphpa_cracks
 SPHPA_PRIVATE_ sphpa_result sphpa_cracks_sample_body_(sphpa_sim *sim, sphpa_cracks_params *cracks,
                                                       const sphpa_flaw_params *flaws,
                                                       const size_t *index, size_t n,
-                                                      int32_t body) {
-    sphpa_rng rng = sphpa_rng_seed(cracks->seed, (uint64_t)(uint32_t)body);
+                                                      uint64_t stream) {
+    sphpa_rng rng = sphpa_rng_seed(cracks->seed, stream);
     double stop = sphpa_flaw_stopping_time(n, &rng);
     for (size_t k = 0; k < n; k++) {
         size_t i = index[k];
         sphpa_flaws few;
-        sphpa_rng own = sphpa_rng_seed(cracks->seed, (uint64_t)sim->p.id[i] + 0x100000000u);
+        uint64_t particle = (uint64_t)sim->p.id[i] | (uint64_t)1 << 62; /* no body's stream */
+        sphpa_rng own = sphpa_rng_seed(cracks->seed, particle);
         sphpa_result result = sphpa_flaw_sample(flaws, n, &own, stop, &few);
         if (result != SPHPA_OK) return result;
         sim->p.flaw_min[i] = few.eps_min;
@@ -9359,9 +9475,10 @@ SPHPA_PRIVATE_ sphpa_result sphpa_cracks_body_(sphpa_sim *sim, sphpa_cracks_para
     if (n == 0 || flaws.k == 0.0) return SPHPA_OK;
     sphpa_result result = sphpa_flaw_check(&flaws, n, err);
     if (result != SPHPA_OK) return result;
+    uint64_t stream = (uint64_t)(uint32_t)body | (uint64_t)material << 32;
     result = cracks->sampled
-                 ? sphpa_cracks_sample_body_(sim, cracks, &flaws, index, n, body)
-                 : sphpa_cracks_walk_body_(sim, cracks, &flaws, index, n, body);
+                 ? sphpa_cracks_sample_body_(sim, cracks, &flaws, index, n, stream)
+                 : sphpa_cracks_walk_body_(sim, cracks, &flaws, index, n, stream);
     if (result != SPHPA_OK)
         return sphpa_error_set(err, result, "cracks: flaws of body %d, %zu particles: %s",
                                (int)body, n, sphpa_result_message(result));
@@ -9432,7 +9549,6 @@ SPHPA_PRIVATE_ void sphpa_cracks_teardown_(sphpa_sim *sim, void *params) {
 SPHPA_PRIVATE_ sphpa_result sphpa_cracks_keep_(sphpa_sim *sim, void *params, sphpa_keep_fn exchange,
                                                void *user, sphpa_error *err) {
     sphpa_cracks_params *cracks = (sphpa_cracks_params *)params;
-    (void)sim;
     if (!cracks->keep_all) return SPHPA_OK;
     size_t bytes = cracks->pool_count * sizeof(double);
     void *data = cracks->pool;
@@ -9441,6 +9557,14 @@ SPHPA_PRIVATE_ sphpa_result sphpa_cracks_keep_(sphpa_sim *sim, void *params, sph
     SPHPA_FREE(cracks->pool);
     cracks->pool = (double *)data;
     cracks->pool_count = bytes / sizeof(double);
+    for (size_t i = 0; i < sim->p.n; i++) /* none may point beyond the end */
+        if ((uint64_t)sim->p.flaw_first[i] + sim->p.flaw_count[i] > cracks->pool_count)
+            return sphpa_error_set(err, SPHPA_ERROR_FORMAT,
+                                   "cracks: particle %zu has flaws %llu to %llu of %zu; the file is "
+                                   "damaged, give an earlier checkpoint", i,
+                                   (unsigned long long)sim->p.flaw_first[i],
+                                   (unsigned long long)sim->p.flaw_first[i] +
+                                       sim->p.flaw_count[i], cracks->pool_count);
     return SPHPA_OK;
 }
 
@@ -9528,11 +9652,13 @@ SPHPA_DEF sphpa_module sphpa_cracks(sphpa_cracks_params *params) {
                                               SPHPA_F(h),
                                           SPHPA_F(D));
     grow->advances = SPHPA_F(D13) | SPHPA_F(n_act);
+    grow->uses = SPHPA_F(alpha);
     grow->particle = sphpa_cracks_grow_;
     grow->at_commit = 1;
     sphpa_pass *limit = sphpa_module_pass_(&module, "damage growth", SPHPA_STAGE_LIMIT,
                                            flaws | SPHPA_F(D13) | SPHPA_F(n_act), 0);
     limit->kind = SPHPA_PASS_REDUCE;
+    limit->uses = SPHPA_F(alpha);
     limit->limit = sphpa_cracks_limit_;
     return module;
 }
@@ -10421,8 +10547,10 @@ SPHPA_DEF sphpa_result sphpa_make_shift(sphpa_particles *p, int32_t body, const 
                                         sphpa_error *err) {
     sphpa_result result = sphpa_make_check_move_("sphpa_make_shift", p, body, "dx", dx, err);
     if (result != SPHPA_OK) return result;
-    for (size_t i = 0; i < p->n; i++)
-        for (size_t a = 0; a < 3 && p->body[i] == body; a++) p->x[3 * i + a] += dx[a];
+    for (size_t i = 0; i < p->n; i++) {
+        if (p->body[i] != body) continue;
+        for (size_t a = 0; a < 3; a++) p->x[3 * i + a] += dx[a];
+    }
     return SPHPA_OK;
 }
 
@@ -10847,7 +10975,7 @@ SPHPA_EXTERN_C_END_
 
 SPHPA_EXTERN_C_BEGIN_
 
-enum { SPHPA_CHECKPOINT_FORMAT_ = 1 }; /* what lies under /sphpa, and how */
+enum { SPHPA_CHECKPOINT_FORMAT_ = 2 }; /* what lies under /sphpa, and how */
 
 /* ---- whole files ----------------------------------------------------------------------------- */
 
@@ -11588,7 +11716,7 @@ typedef struct sphpa_restart_ {
     int64_t n, next_id, limit_particle;
     uint64_t counts[4];         /* steps, evaluations, rebuilds, u_below */
     double clock[5];            /* [s] time, dt, dt_next, dt_first, dt_free */
-    double means[2];            /* neighbours_mean, u_deficit */
+    double means[3];            /* neighbours_mean, u_deficit, u_least */
     double low[3], high[3];     /* [m] of the periodic box */
     double control[7];          /* cfl, force_cfl, dt_max, dt_min, dt_growth, dt_fixed, skin */
     double seconds[SPHPA_TIMINGS];
@@ -11620,6 +11748,7 @@ SPHPA_PRIVATE_ void sphpa_restart_of_(const sphpa_sim *sim, sphpa_restart_ *r) {
     memcpy(r->control, control, sizeof control);
     r->means[0] = s->neighbours_mean;
     r->means[1] = s->u_deficit;
+    r->means[2] = s->u_least;
     for (int a = 0; a < 3; a++) {
         r->periodic[a] = o->box.periodic[a] != 0;
         r->low[a] = o->box.low[a];
@@ -11643,7 +11772,7 @@ SPHPA_PRIVATE_ void sphpa_h5_restart_(sphpa_h5_ *h5, hid_t at, sphpa_restart_ *r
     sphpa_h5_numbers_(h5, at, "started", i32, 1, &r->started);
     sphpa_h5_numbers_(h5, at, "time, dt, next, first, free", real, 5, r->clock);
     sphpa_h5_numbers_(h5, at, "steps, evaluations, rebuilds, u below 0", u64, 4, r->counts);
-    sphpa_h5_numbers_(h5, at, "neighbours, deficit of u", real, 2, r->means);
+    sphpa_h5_numbers_(h5, at, "neighbours, deficit of u, least u", real, 3, r->means);
     sphpa_h5_numbers_(h5, at, "cfl, force_cfl, dt_max, dt_min, dt_growth, dt_fixed, skin", real, 7,
                       r->control);
     sphpa_h5_numbers_(h5, at, "last limit", i32, 1, &r->limit_last);
@@ -12195,6 +12324,7 @@ SPHPA_PRIVATE_ void sphpa_restart_apply_(const sphpa_restart_ *r, sphpa_sim *sim
     s->u_below = r->counts[3];
     s->neighbours_mean = r->means[0];
     s->u_deficit = r->means[1];
+    s->u_least = r->means[2];
     s->limit_last = r->limit_last;
     s->limit_particle = (size_t)r->limit_particle;
     for (int k = 0; k < s->timings; k++)
@@ -12247,6 +12377,7 @@ SPHPA_DEF sphpa_result sphpa_checkpoint_read(sphpa_sim *sim, const char *path, s
     if (result == SPHPA_OK) {
         sphpa_restart_apply_(&restart, sim);
         sim->work->lists_valid = false;
+        sim->work->kept_n = 0;
     }
     sphpa_particles_free(&fresh);
     sphpa_kept_free_(&kept);

@@ -1,5 +1,5 @@
 /* porous_piston: a piston drives a shock into porous aluminium (Jutzi, Benz & Michel 2008, section
-   5.1), with SPH and P-alpha, against the exact Hugoniot.
+   5.1) or pumice, with SPH and P-alpha, against the exact Hugoniot.
 
    No wall particles: in the frame of the piston, material comes in at -v and meets its mirror
    image, which comes in at +v. By symmetry the plane between them stands still, as the piston does.
@@ -182,7 +182,7 @@ static void print_results(const sphpa_sim *sim, const piston *p, const double l1
 
 static const char *picture =
     "set multiplot layout 2,2 "
-    "title 'a piston in porous aluminium: SPH (points) and exact (lines)'\n"
+    "title 'a piston in a porous solid: SPH (points) and exact (lines)'\n"
     "set xlabel 'x [mm]'\nunset key\nset grid lc rgb '#dddddd'\n"
     "set offsets 0, 0, graph 0.05, graph 0.05\nset xtics 20\n"
     "scale(k) = k == 1 ? 1e-9 : 1.0\n"
@@ -196,11 +196,12 @@ static const char *picture =
 
 int main(int argc, char **argv) {
     double v = 458.0, length = 0.1, t_end = 0.0, viscosity[2] = {1.0, 2.0}, cfl = 0.3;
-    int elastic = 0, solver = 0, kernel = 0, integrator = 0, correction = 1, quiet = 0;
+    int porous = 0, elastic = 0, solver = 0, kernel = 0, integrator = 0, correction = 1, quiet = 0;
     long particles = 500, threads = 0;
     const char *out = "build/porous_piston";
     const example_option options[] = {
         example_number("speed", "m/s", &v, 0.01, 3000.0, "of the piston"),
+        example_choice("material", "aluminium|pumice", &porous, "of the sample"),
         example_choice("elastic", "flat|herrmann", &elastic, "branch below the crush curve"),
         example_count("particles", &particles, 20, 100000, "in the sample"),
         example_number("length", "m", &length, 1e-6, 1e3, "of the sample"),
@@ -219,14 +220,14 @@ int main(int argc, char **argv) {
         example_text("out", "FOLDER", &out, "for porous_piston.dat and porous_piston.png"),
         example_flag("quiet", &quiet, "no progress line"),
     };
-    example_parse(argc, argv, "a shock in porous aluminium against its Hugoniot", SPHPA_VERSION,
+    example_parse(argc, argv, "a shock in a porous solid against its Hugoniot", SPHPA_VERSION,
                   options, (int)(sizeof options / sizeof options[0]));
     example_folder(out);
     (void)example_threads(threads);
 
     sphpa_error err;
-    const sphpa_tillotson *matrix = sphpa_tillotson_find("aluminium");
-    sphpa_crush crush = sphpa_crush_porous_aluminium();
+    const sphpa_tillotson *matrix = sphpa_tillotson_find(porous ? "pumice" : "aluminium");
+    sphpa_crush crush = porous ? sphpa_crush_pumice() : sphpa_crush_porous_aluminium();
     crush.elastic = (sphpa_crush_elastic)elastic;
     if (sphpa_crush_prepare(&crush, matrix->rho0, sqrt(matrix->A / matrix->rho0), &err) != SPHPA_OK)
         example_fail(1, "%s", err.message);
@@ -245,10 +246,10 @@ int main(int argc, char **argv) {
         example_fail(2, "--t-end %g: the first wave is at the far end at %.4e s; stop before or "
                         "raise --length", t_end, longest);
 
-    sphpa_solid_material aluminium = {0};
-    aluminium.eos = sphpa_tillotson_eos(matrix);
+    sphpa_solid_material solid_material = {0};
+    solid_material.eos = sphpa_tillotson_eos(matrix);
     sphpa_solid_params solid = {0};
-    solid.material = &aluminium;
+    solid.material = &solid_material;
     solid.materials = 1;
     solid.correction = correction;
     solid.viscosity.a = viscosity[0] > 0.0 ? viscosity[0] : -1.0; /* 0 would be the default */

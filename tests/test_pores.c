@@ -111,8 +111,7 @@ static void end(setting *s) {
 /* ---- the piston ----------------------------------------------------------------------------- */
 
 /* Material moves at -v against its mirror image, so the plane x = 0 stands still and is the piston.
-   The linear viscosity `a` goes with the matrix's wave speed, five times that of the crushing wave:
-   0.1 of it does what 0.5 would with the latter; a slow shock is then 15 particles wide, not 60. */
+   The viscosity is the default one. */
 typedef struct piston {
     double v, half; /* [m/s]; [m] of one side */
     sphpa_palpha_shock exact;
@@ -146,7 +145,7 @@ static double line_slope(const line *l) {
     return (l->n * l->tx - l->t * l->x) / (l->n * l->tt - l->t * l->t);
 }
 
-static void begin_piston(setting *s, piston *p, double v, double a, long count) {
+static void begin_piston(setting *s, piston *p, double v, long count) {
     sphpa_error err;
     double low[3] = {-1.0, 0.0, 0.0}, high[3] = {1.0, 0.0, 0.0};
     memset(p, 0, sizeof *p);
@@ -163,7 +162,6 @@ static void begin_piston(setting *s, piston *p, double v, double a, long count) 
     for (size_t i = 0; i < s->initial.n; i++)
         s->initial.v[3 * i] = (sphpa_real)(s->initial.x[3 * i] > 0.0 ? -v : v);
     s->solid.correction = 1;
-    s->solid.viscosity.a = a;
     ok(create(s, &err), &err);
 }
 
@@ -227,11 +225,11 @@ static void run_piston(setting *s, piston *p) {
 
 /* shock speed within 1 %, the state behind within 1 % and u within 2 %: what is left is the front's
    spread over particles, and the heat at the piston, which the wide slow shock carries along */
-static void check_piston(double v, double a, sphpa_crush_elastic elastic, long count) {
+static void check_piston(double v, sphpa_crush_elastic elastic, long count) {
     setting s;
     piston p;
     prepare(&s, ALUMINIUM, elastic);
-    begin_piston(&s, &p, v, a, count);
+    begin_piston(&s, &p, v, count);
     run_piston(&s, &p);
     measure_state(&s.sim, &p);
     assert_near(p.slope_main, p.exact.speed, 0.01);
@@ -249,20 +247,51 @@ static void check_piston(double v, double a, sphpa_crush_elastic elastic, long c
 
 static void test_piston_100(void **state) {
     (void)state;
-    check_piston(100.0, 0.1, SPHPA_CRUSH_FLAT, 320);
-    if (!SMALL) check_piston(100.0, 0.1, SPHPA_CRUSH_HERRMANN, 320);
+    check_piston(100.0, SPHPA_CRUSH_FLAT, 500);
+    if (!SMALL) check_piston(100.0, SPHPA_CRUSH_HERRMANN, 500);
 }
 
 static void test_piston_300(void **state) {
     (void)state;
-    check_piston(300.0, 0.2, SPHPA_CRUSH_FLAT, 200);
-    if (!SMALL) check_piston(300.0, 0.2, SPHPA_CRUSH_HERRMANN, 200);
+    check_piston(300.0, SPHPA_CRUSH_FLAT, 200);
+    if (!SMALL) check_piston(300.0, SPHPA_CRUSH_HERRMANN, 200);
 }
 
 static void test_piston_458(void **state) {
     (void)state;
-    check_piston(458.0, 0.3, SPHPA_CRUSH_HERRMANN, 200);
-    if (!SMALL) check_piston(458.0, 0.3, SPHPA_CRUSH_FLAT, 200);
+    check_piston(458.0, SPHPA_CRUSH_HERRMANN, 200);
+    if (!SMALL) check_piston(458.0, SPHPA_CRUSH_FLAT, 200);
+}
+
+/* Pumice closes four fifths of its volume in one front. Quadratic viscosity 3, as in the impact;
+   errors of the speed and of the state behind, in parts of the exact values. */
+static void check_pumice_piston(double v, long count, double speed, double P) {
+    setting s;
+    piston p;
+    prepare(&s, PUMICE, SPHPA_CRUSH_FLAT);
+    s.solid.viscosity.b = 3.0;
+    begin_piston(&s, &p, v, count);
+    run_piston(&s, &p);
+    measure_state(&s.sim, &p);
+    printf("pumice, %4g m/s: speed %+.2e, P %+.2e, rho %+.2e, u %+.2e, alpha %+.2e\n", v,
+           p.slope_main / p.exact.speed - 1.0, p.P / p.exact.P - 1.0, p.rho / p.exact.rho - 1.0,
+           p.u / p.exact.u - 1.0, (p.alpha - p.exact.alpha) / (s.crush.alpha0 - 1.0));
+    assert_near(p.slope_main, p.exact.speed, speed);
+    assert_near(p.P, p.exact.P, P);
+    assert_near(p.u, p.exact.u, 0.02);
+    assert_near(p.rho, p.exact.rho, 0.015);
+    assert_near_abs(p.alpha, p.exact.alpha, 0.005 * (s.crush.alpha0 - 1.0));
+    assert_near_abs(p.drift, 0.0, IS_FLOAT ? 1e-5 : 1e-12);
+    assert_int_equal(s.pores.stats.grew, 0);
+    end(&s);
+}
+
+static void test_piston_pumice(void **state) {
+    (void)state;
+    check_pumice_piston(100.0, 400, 0.01, 0.015);
+    if (SMALL) return;
+    check_pumice_piston(500.0, 400, 0.005, 0.06); /* the compacted matrix rings behind the front */
+    check_pumice_piston(1000.0, 400, 0.01, 0.03);
 }
 
 /* fronts are a fixed number of particles wide: errors in the mean fall with the spacing */
@@ -273,12 +302,12 @@ static void test_piston_converges(void **state) {
         setting s;
         piston p;
         prepare(&s, ALUMINIUM, SPHPA_CRUSH_FLAT);
-        begin_piston(&s, &p, 458.0, 0.5, round ? 200 : 100);
+        begin_piston(&s, &p, 458.0, round ? 400 : 100);
         run_piston(&s, &p);
         measure_l1(&s.sim, &p, &s);
         for (int k = 0; k < 4; k++) {
             if (round == 0) coarse[k] = p.l1[k];
-            else assert_near_abs(log2(coarse[k] / p.l1[k]), 1.0, 0.25);
+            else assert_near_abs(0.5 * log2(coarse[k] / p.l1[k]), 1.0, 0.25);
         }
         end(&s);
     }
@@ -291,7 +320,7 @@ static void test_elastic_waves(void **state) {
         setting s;
         piston p;
         prepare(&s, ALUMINIUM, k ? SPHPA_CRUSH_HERRMANN : SPHPA_CRUSH_FLAT);
-        begin_piston(&s, &p, 0.2, 1.0, 150);
+        begin_piston(&s, &p, 0.2, 150);
         assert_true(p.exact.speed <= 0.0);
         run_piston(&s, &p);
         assert_near(p.slope_first, k ? 4110.0 : sqrt(s.matrix->A / s.matrix->rho0), 0.004);
@@ -309,7 +338,7 @@ static void test_solvers_agree(void **state) {
         piston p;
         prepare(&s, ALUMINIUM, SPHPA_CRUSH_FLAT);
         s.pores.solver = solver[k];
-        begin_piston(&s, &p, 300.0, 0.3, 32);
+        begin_piston(&s, &p, 300.0, 32);
         run_piston(&s, &p);
         for (size_t i = 0; i < 64; i++) alpha[k][i] = s.sim.p.alpha[i], u[k][i] = s.sim.p.u[i];
         end(&s);
@@ -329,7 +358,7 @@ static void test_newton_fails_loudly(void **state) {
     sphpa_error err;
     prepare(&s, ALUMINIUM, SPHPA_CRUSH_FLAT);
     s.pores.solver = SPHPA_PALPHA_NEWTON;
-    begin_piston(&s, &p, 300.0, 0.3, 32);
+    begin_piston(&s, &p, 300.0, 32);
     sphpa_result result = SPHPA_OK;
     while (s.sim.time < p.t_end && result == SPHPA_OK) result = sphpa_sim_step(&s.sim, 1.0, &err);
     assert_int_equal(result, SPHPA_ERROR_STATE);
@@ -458,7 +487,9 @@ static void test_fields(void **state) {
     assert_null(s.sim.p.alpha);
     assert_null(s.sim.p.start.alpha);
     assert_null(s.sim.p.alpha_min);
-    assert_int_equal(sphpa_particles_bytes_each(&s.sim.p) + 2 * sizeof(double), flat);
+    assert_null(s.sim.p.c_visc);
+    assert_int_equal(sphpa_particles_bytes_each(&s.sim.p) + 2 * sizeof(double) +
+                         sizeof(sphpa_real), flat);
     end(&s);
     prepare(&s, ALUMINIUM, SPHPA_CRUSH_HERRMANN);
     begin_blocks(&s, &err);
@@ -859,7 +890,7 @@ static void test_restart(void **state) {
     box_of_bytes box;
     memset(&box, 0, sizeof box);
     prepare(&s, ALUMINIUM, SPHPA_CRUSH_HERRMANN);
-    begin_piston(&s, &p, 300.0, 0.3, 20);
+    begin_piston(&s, &p, 300.0, 20);
     for (int k = 0; k < 60; k++) ok(sphpa_sim_step(&s.sim, 1.0, &err), &err);
     sphpa_module module = sphpa_pores(&s.pores);
     ok(module.keep(&s.sim, &s.pores, exchange, &box, &err), &err);
@@ -868,7 +899,10 @@ static void test_restart(void **state) {
     ok(sphpa_particles_create(&t.initial, 1, s.sim.p.n, SPHPA_F(alpha) | SPHPA_F(alpha_min), 0,
                               NULL, 0, &err), &err);
     ok(sphpa_particles_append(&t.initial, &s.sim.p, &err), &err);
-    t.initial.alpha[3] *= 1.0 + 1e-6;
+    size_t crushed = 0; /* the one that is farthest from its alpha0 */
+    for (size_t i = 0; i < s.sim.p.n; i++)
+        if (t.initial.alpha[i] < t.initial.alpha[crushed]) crushed = i;
+    t.initial.alpha[crushed] *= 1.0 + 1e-6;
     ok(create(&t, &err), &err);
     size_t lower = 0;
     for (size_t i = 0; i < t.sim.p.n; i++) {
@@ -961,6 +995,7 @@ int main(void) {
         cmocka_unit_test(test_piston_100),
         cmocka_unit_test(test_piston_300),
         cmocka_unit_test(test_piston_458),
+        cmocka_unit_test(test_piston_pumice),
         cmocka_unit_test(test_piston_converges),
         cmocka_unit_test(test_elastic_waves),
         cmocka_unit_test(test_solvers_agree),

@@ -205,6 +205,7 @@ static void assert_same_bits(const sphpa_sim *a, const sphpa_sim *b) {
     assert_int_equal(s->limit_last, t->limit_last);
     assert_int_equal(s->limit_particle, t->limit_particle);
     assert_memory_equal(&s->u_deficit, &t->u_deficit, sizeof(double));
+    assert_memory_equal(&s->u_least, &t->u_least, sizeof(double));
     assert_memory_equal(&s->neighbours_mean, &t->neighbours_mean, sizeof(double));
     for (int k = 0; k < s->limits; k++) assert_int_equal(s->limit[k].steps, t->limit[k].steps);
     for (int k = 0; k < s->timings; k++) assert_int_equal(s->timing[k].calls, t->timing[k].calls);

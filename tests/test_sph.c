@@ -229,6 +229,14 @@ static void clashes_are_errors(void **state) {
     add_pass(&module, "three", SPHPA_STAGE_FORCES, 0, 0)->particle = nothing;
     module.pass[2].replaces = "one";
     clash(&module, SPHPA_ERROR_RANGE, "replaced by two");
+    module.pass[2].replaces = NULL;
+    module.pass[1].stage = SPHPA_STAGE_FORCES;
+    module.pass[0].replaces = "two"; /* and "two" replaces "one": none would be left */
+    clash(&module, SPHPA_ERROR_RANGE, "in turn");
+    module.pass[0].replaces = "three";
+    module.pass[2].replaces = "two";
+    clash(&module, SPHPA_ERROR_RANGE, "in turn");
+    module.pass[0].replaces = NULL;
     module.passes = 1;
     const sphpa_pass good = module.pass[0];
     module.pass[0].particle = NULL; /* no function */
@@ -1126,6 +1134,42 @@ static void refresh_leaves_the_state_alone(void **state) {
     sphpa_particles_free(&p);
 }
 
+/* P = (P + x)/2 with the P before: a derived field that the next evaluation starts from */
+static sphpa_result remember(sphpa_sim *sim, void *params, size_t first, size_t last, size_t *bad) {
+    (void)params;
+    (void)bad;
+    for (size_t i = first; i < last; i++)
+        sim->p.P[i] = (sphpa_real)(0.5 * ((double)sim->p.P[i] + sim->p.x[3 * i]));
+    return SPHPA_OK;
+}
+
+/* the same bits however often a run puts out */
+static void outputs_leave_no_trace(void **state) {
+    (void)state;
+    sphpa_module module = module_named("memory", NULL);
+    add_pass(&module, "memory", SPHPA_STAGE_PRESSURE, SPHPA_F(x), SPHPA_F(P))->particle = remember;
+    sphpa_scene scene = scene_of(module);
+    sphpa_particles p = random_set(2, 600, 0.1, 31);
+    sphpa_sim_options options = options_of(0.01);
+    sphpa_sim *plain = sim_of(&scene, &p, &options), *watched = sim_of(&scene, &p, &options);
+    int shown = 0;
+    for (int k = 0; k < 6; k++) {
+        assert_int_equal(sphpa_sim_refresh(watched, NULL), SPHPA_OK);
+        if (k == 2) assert_int_equal(sphpa_sim_refresh(watched, NULL), SPHPA_OK);
+        if (k == 4) assert_int_equal(sphpa_sim_settle(watched, NULL), SPHPA_OK);
+        for (size_t i = 0; i < p.n && k == 3; i++)
+            shown += watched->p.P[i] != plain->p.P[index_of(plain, watched->p.id[i])];
+        sim_steps(plain, 1);
+        sim_steps(watched, 1);
+    }
+    assert_true(shown > 0);
+    for (size_t i = 0; i < p.n; i++)
+        assert_true(watched->p.P[i] == plain->p.P[index_of(plain, watched->p.id[i])]);
+    sim_drop(plain);
+    sim_drop(watched);
+    sphpa_particles_free(&p);
+}
+
 /* ---- states that go bad ---------------------------------------------------------------------- */
 
 typedef struct saboteur {
@@ -1482,6 +1526,7 @@ int main(void) {
         cmocka_unit_test(outputs_come_at_their_times),
         cmocka_unit_test(a_run_stops_when_told),
         cmocka_unit_test(refresh_leaves_the_state_alone),
+        cmocka_unit_test(outputs_leave_no_trace),
         cmocka_unit_test(a_bad_state_stops_the_run),
         cmocka_unit_test(bad_starts_are_refused),
         cmocka_unit_test(modules_are_set_up_and_torn_down_once),
