@@ -31,7 +31,7 @@ typedef struct impact_setting {
     double value;
 } impact_setting;
 
-enum { IMPACT_LISTED = 23 };
+enum { IMPACT_LISTED = 24 };
 
 static void impact_list(const impact_settings *s, impact_setting list[IMPACT_LISTED]) {
     const impact_setting all[IMPACT_LISTED] = {
@@ -41,6 +41,7 @@ static void impact_list(const impact_settings *s, impact_setting list[IMPACT_LIS
         {"solver", s->solver}, {"weibull-k", s->weibull_k}, {"weibull-m", s->weibull_m},
         {"seed", (double)s->seed}, {"lattice-seed", (double)s->lattice_seed},
         {"correction", s->correction}, {"balsara", s->balsara}, {"tension", s->tension},
+        {"spread", s->spread},
         {"viscosity a", s->viscosity[0]}, {"viscosity b", s->viscosity[1]},
         {"every", s->every}, {"gauge x", s->gauge[0]}, {"gauge y", s->gauge[1]},
         {"gauge z", s->gauge[2]}, {"link", s->link}, {"damage-below", s->damage_below}};

@@ -28,6 +28,7 @@ typedef struct impact_settings {
     double projectile_diameter; /* [m] */
     double weibull_k, weibull_m; /* [m^-3] [1] */
     double tension;            /* [Pa] what nylon bears in tension */
+    double spread;             /* [1] largest h of nylon over its first one */
     double viscosity[2];       /* [1] linear and quadratic */
     double cfl;                /* [1] */
     double t_end, every;       /* [s] */
@@ -54,8 +55,9 @@ static impact_settings impact_default_settings(void) {
     s.weibull_k = 4e35;
     s.weibull_m = 9.0;
     s.tension = 1e8;
+    s.spread = 5.0;
     s.viscosity[0] = 1.0;
-    s.viscosity[1] = 2.0;
+    s.viscosity[1] = 3.0;
     s.cfl = 0.3;
     s.t_end = 1e-4;
     s.gauge[2] = 0.025;
@@ -102,6 +104,7 @@ static void impact_materials(impact_scene *scene, const impact_settings *s) {
         scene->crush[k].alpha0 = 1.0;
     }
     scene->material[IMPACT_PROJECTILE].eos.tensile_limit = s->tension;
+    scene->solid_material[IMPACT_PROJECTILE].h_max = s->spread;
     scene->crush[IMPACT_TARGET] =
         s->curve == 0 ? fitted : sphpa_crush_quadratic(fitted.alpha0, fitted.Pe, fitted.Ps);
     scene->flaws[IMPACT_TARGET].k = s->weibull_k;
@@ -504,8 +507,10 @@ static void impact_print_assumptions(const impact_run *run) {
     printf("  flaws              Weibull k = %g m^-3, m = %g, of the solid volume; seed %ld\n",
            s->weibull_k, s->weibull_m, s->seed);
     printf("  nylon in tension   at most %g Pa; it has no flaws here\n", s->tension);
-    printf("  viscosity          a = %g, b = %g with the elastic wave's speed\n",
-           s->viscosity[0], s->viscosity[1]);
+    printf("  nylon that spreads keeps neighbours until h is %g times its first\n", s->spread);
+    printf("  viscosity          a = %g, b = %g, with the speed of the crushing wave where pores "
+           "close,\n                     of the elastic wave elsewhere\n", s->viscosity[0],
+           s->viscosity[1]);
     printf("  between the bodies no tension, no shear; half a spacing at the start\n");
     printf("  fragments          linking length %g supports, particles with D < %g\n",
            s->link, s->damage_below);
@@ -549,6 +554,28 @@ static void impact_print_fragments(const impact_run *run) {
     }
 }
 
+/* where the energy is: nylon that has run out of neighbours keeps its pressure, and does no work */
+static void impact_print_energy(const impact_run *run, const sphpa_totals *now) {
+    const sphpa_particles *p = &run->sim.p;
+    const sphpa_stats *stats = &run->sim.stats;
+    double nylon = 0.0, lost = 0.0;
+    size_t count = 0;
+    for (size_t i = 0; i < p->n; i++) {
+        if (p->body[i] != IMPACT_PROJECTILE) continue;
+        double own = (double)p->m[i] * p->u[i];
+        nylon += own;
+        if ((double)p->h[i] < 0.999 * run->s.spread * (double)p->h0[i]) continue;
+        lost += own;
+        count++;
+    }
+    printf("  of the energy %.1f %% is kinetic, %.1f %% heat of nylon (%.1f %% in %zu particles that "
+           "have spread to the bound)\n", 100.0 * now->kinetic / now->energy,
+           100.0 * nylon / now->energy, 100.0 * lost / now->energy, count);
+    if (stats->u_below > 0)
+        printf("  the least u is %.3g J/kg, of particle %lld\n", stats->u_least,
+               (long long)p->id[stats->u_particle]);
+}
+
 static void impact_print_conservation(const impact_run *run) {
     sphpa_totals now = sphpa_sim_totals(&run->sim);
     const sphpa_totals *then = &run->start;
@@ -569,6 +596,7 @@ static void impact_print_conservation(const impact_run *run) {
            (now.mass - then->mass) / then->mass, sqrt(p) / push, sqrt(L) / L0, L0,
            (now.energy - then->energy) / then->energy, run->sim.stats.u_deficit / then->energy,
            (unsigned long long)run->sim.stats.u_below);
+    impact_print_energy(run, &now);
 }
 
 static void impact_print_cost(const impact_run *run) {
@@ -865,6 +893,8 @@ static void impact_parse(int argc, char **argv, impact_settings *s, impact_optio
         example_switch("correction", &s->correction, "of the kernel's gradient"),
         example_switch("balsara", &s->balsara, "no shear viscosity"),
         example_number("tension", "Pa", &s->tension, 0.0, 1e12, "that nylon bears"),
+        example_number("spread", "1", &s->spread, 1.0, 100.0,
+                       "largest h of nylon over its first one"),
         example_vector("viscosity", "a,b", s->viscosity, 2, "linear and quadratic, artificial"),
         example_number("cfl", "1", &s->cfl, 1e-3, 1.0, "Courant number"),
         example_number("t-end", "s", &s->t_end, 1e-12, 1e6, "end of the run"),
