@@ -1,6 +1,6 @@
 #!/bin/sh
 # check_sanitizers.sh: all tests once with AddressSanitizer and UndefinedBehaviorSanitizer, on two threads.
-# SPHPA_TEST_SMALL makes the long ones smaller; SPHPA_VALIDATE_ARRAYS turns on the checks of whole arrays.
+# SPHPA_VALIDATE_ARRAYS turns on the checks of whole arrays.
 # shellcheck source=tests/lib.sh
 . "$(dirname "$0")/lib.sh"
 
@@ -26,11 +26,5 @@ for kind in address undefined; do
 done
 
 say "$sanitizing $flags, tests at their smaller size (SPHPA_TEST_SMALL)"
-OMP_NUM_THREADS=2 $MAKE --no-print-directory INNER=1 BUILD="$work" CC="$sanitizing" \
-    CFLAGS="-O1 -g -fno-omit-frame-pointer $flags" LDFLAGS="$flags" \
-    EXTRA_CFLAGS='-DSPHPA_TEST_SMALL -DSPHPA_VALIDATE_ARRAYS' -j"$JOBS" tests-run > "$work/log" 2>&1 || {
-    failed "see $work/log; its errors:"
-    grep -E -A 6 '^=+[0-9]+=+ERROR: |runtime error: |^\[  FAILED  |error: ' "$work/log" | head -n 60
-}
-grep -E '^(skipped|programs): ' "$work/log"
+run_tests -DSPHPA_VALIDATE_ARRAYS CC="$sanitizing" CFLAGS="-O1 -g -fno-omit-frame-pointer $flags" LDFLAGS="$flags"
 finish "no error"

@@ -55,6 +55,19 @@ value() { echo "$2" | sed -n "s/^$1 := //p"; } # value NAME "lines"
 sections() { awk -f tests/header.awk "$HEADER" | awk '$1 == "impl" && $2 != "base" { print $2 }'; }
 capitals() { echo "$1" | tr '[:lower:]' '[:upper:]'; }
 
+# run_tests EXTRA_CFLAGS VARIABLE=value..: all tests, built into $work, on two threads;
+# SPHPA_TEST_SMALL makes the long ones smaller
+run_tests() {
+    extra="-DSPHPA_TEST_SMALL $1"
+    shift
+    OMP_NUM_THREADS=2 $MAKE --no-print-directory INNER=1 BUILD="$work" -j"$JOBS" \
+        EXTRA_CFLAGS="$extra" "$@" tests-run > "$work/log" 2>&1 || {
+        failed "see $work/log; its errors:"
+        grep -E -B 1 -A 6 '^=+[0-9]+=+ERROR: |runtime error: |^\[  FAILED  |error: ' "$work/log" | head -n 60
+    }
+    grep -E '^(skipped|programs): ' "$work/log"
+}
+
 # global symbols that an object or program defines, one a line (macOS puts an underscore in front)
 symbols() { nm -g "$1" | awk 'NF == 3 && $2 ~ /^[A-TV-Z]$/ { print $3 }' | plain_symbols; }
 undefined_symbols() { nm -u "$1" | awk '{ print $NF }' | plain_symbols; }

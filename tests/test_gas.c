@@ -16,12 +16,6 @@
 
 #define PI 3.14159265358979323846
 
-#ifdef SPHPA_FLOAT
-#define FINE(double_bound, float_bound) (float_bound)
-#else
-#define FINE(double_bound, float_bound) (double_bound)
-#endif
-
 /* ---- helpers --------------------------------------------------------------------------------- */
 
 static void set_threads(int n) {
@@ -111,9 +105,10 @@ static void assert_conserved(const sphpa_sim *sim, const sphpa_totals *before) {
     sphpa_totals now = sphpa_sim_totals(sim);
     double scale = sqrt(2.0 * before->energy * before->mass); /* [kg m/s] */
     assert_near(now.mass, before->mass, 1e-15);
-    assert_near(now.energy, before->energy, FINE(1e-12, 1e-5));
+    double walk = float_walk(sim->stats.steps, sim->p.n);
+    assert_near(now.energy, before->energy, FINE(1e-12, walk));
     for (int a = 0; a < 3; a++)
-        assert_near_abs(now.momentum[a], before->momentum[a], FINE(1e-13, 1e-5) * scale);
+        assert_near_abs(now.momentum[a], before->momentum[a], FINE(1e-13, walk) * scale);
 }
 
 /* n at random, jittered from a lattice of k^dim in [0, 1]^dim, hot and cold, dense and thin */
@@ -220,9 +215,10 @@ static void density_and_h_solve_their_equation(void **state) {
                     rho += (double)p->m[j] * sphpa_kernel_w(g->options.kernel, dim, r, h);
                     slope += (double)p->m[j] * sphpa_kernel_dw_dh(g->options.kernel, dim, r, h);
                 }
-                assert_near(p->rho[i], rho, FINE(1e-12, 1e-5));
-                assert_near(h, 1.1 * pow(m / p->rho[i], 1.0 / dim), FINE(1e-12, 1e-5));
-                assert_near((double)p->omega[i], 1.0 + h * slope / (dim * rho), FINE(1e-6, 1e-5));
+                /* h is rounded after the sum, and rho goes as h^-dim at most */
+                assert_near(p->rho[i], rho, FINE(1e-12, dim * FLOAT_ROUNDING));
+                assert_near(h, 1.1 * pow(m / p->rho[i], 1.0 / dim), FINE(1e-12, FLOAT_ROUNDING));
+                assert_near((double)p->omega[i], 1.0 + h * slope / (dim * rho), 1e-6);
             }
             gas_free(g);
         }
@@ -240,9 +236,9 @@ static void h_max_keeps_lone_particles_alone(void **state) {
     gas_start(g);
     assert_int_equal(sphpa_sim_refresh(&g->sim, NULL), SPHPA_OK);
     size_t lone = index_of(&g->sim.p, 27), other = index_of(&g->sim.p, 3);
-    assert_near((double)g->sim.p.h[lone], 0.3, FINE(1e-15, 1e-6));
+    assert_near((double)g->sim.p.h[lone], 0.3, FINE(1e-15, FLOAT_ROUNDING));
     assert_near(g->sim.p.rho[lone], 1e-3 * sphpa_kernel_w(SPHPA_KERNEL_CUBIC, 3, 0.0, 0.3),
-                FINE(1e-14, 1e-6));
+                FINE(1e-14, 4.0 * FLOAT_ROUNDING)); /* of m, and of h to the power -3 */
     assert_true(g->sim.p.omega[lone] == 1);
     assert_true((double)g->sim.p.h[other] <= 0.3 * (1.0 + 1e-6));
     for (int k = 0; k < 20; k++) gas_step(g); /* it stays where it is, the lump expands */
@@ -553,7 +549,7 @@ static void viscosity_is_monaghans(void **state) {
     assert_int_equal(sphpa_sim_step(&g->sim, 1e-12, NULL), SPHPA_OK);
     size_t i = index_of(&g->sim.p, 50);
     double h = (double)g->sim.p.h[i], rho = g->sim.p.rho[i], c = (double)g->sim.p.c[i], heat = 0.0;
-    assert_near(c, sqrt(1.4 * 0.4 * u), FINE(1e-10, 1e-6));
+    assert_near(c, sqrt(1.4 * 0.4 * u), FINE(1e-10, FLOAT_ROUNDING));
     for (int k = 1; k <= 3; k++) { /* two neighbours at k d */
         double r = k * d, mu = -h * squeeze * r * r / (r * r + 0.01 * h * h);
         double pi = (-1.5 * c * mu + 3.0 * mu * mu) / rho;

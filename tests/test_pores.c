@@ -22,11 +22,6 @@
 
 #include "near.h"
 
-#ifdef SPHPA_FLOAT
-enum { IS_FLOAT = 1 };
-#else
-enum { IS_FLOAT = 0 };
-#endif
 #ifdef SPHPA_TEST_SMALL
 enum { SMALL = 1 };
 #else
@@ -238,10 +233,13 @@ static void check_piston(double v, sphpa_crush_elastic elastic, long count) {
     assert_near(p.rho, p.exact.rho, 0.001);
     assert_near(p.u, p.exact.u, 0.02);
     assert_near_abs(p.alpha, p.exact.alpha, 0.005 * (s.crush.alpha0 - 1.0));
-    assert_near_abs(p.drift, 0.0, IS_FLOAT ? 1e-5 : 1e-12);
+    /* Float: a dt a below half of v's last bit is lost, and in a steady shock every particle loses
+       the same. No walk, then, but up to FLOAT_ROUNDING in each of the steps of a front's passage,
+       some 150 of 1400 where it is widest. */
+    assert_near_abs(p.drift, 0.0, FINE(1e-12, 1e-5));
     assert_true(s.pores.stats.loading > 0);
     assert_int_equal(s.pores.stats.grew, 0);
-    assert_true(s.pores.stats.distance_max < (IS_FLOAT ? 1e-6 : 1e-9));
+    assert_true(s.pores.stats.distance_max < FINE(1e-9, 1e-6));
     end(&s);
 }
 
@@ -343,10 +341,12 @@ static void test_solvers_agree(void **state) {
         for (size_t i = 0; i < 64; i++) alpha[k][i] = s.sim.p.alpha[i], u[k][i] = s.sim.p.u[i];
         end(&s);
     }
+    /* float: a solver's last bits may turn a rounding of P, a walk of 145 steps; u is v^2/2 */
+    const double walk = 12.0 * FLOAT_ROUNDING;
     for (int k = 1; k < 3; k++)
         for (int i = 0; i < 64; i++) {
-            assert_near_abs(alpha[k][i], alpha[0][i], IS_FLOAT ? 1e-4 : 1e-9);
-            assert_near_abs(u[k][i], u[0][i], IS_FLOAT ? 50.0 : 1e-4);
+            assert_near_abs(alpha[k][i], alpha[0][i], FINE(1e-9, walk));
+            assert_near_abs(u[k][i], u[0][i], FINE(1e-4, 45e3 * walk));
         }
 }
 
@@ -586,10 +586,11 @@ static void check_states(const setting *s, const double *before, int on_curve) {
         assert_int_equal(sphpa_tillotson_eval(s->matrix, p->alpha[i] * p->rho[i],
                                               fmax(p->u[i], 0.0), &point), SPHPA_OK);
         assert_near_abs((double)p->P[i], point.P / p->alpha[i],
-                        (IS_FLOAT ? 1e-6 : 1e-9) * (fabs(point.P) + s->crush.Ps));
+                        FINE(1e-9, FLOAT_ROUNDING) * (fabs(point.P) + s->crush.Ps));
         double above = p->alpha[i] - curve_by_hand(&s->crush, (double)p->P[i]);
-        assert_true(above / room < (IS_FLOAT ? 1e-5 : 1e-9));
-        if (on_curve) assert_true(above / room > (IS_FLOAT ? -1e-5 : -1e-9));
+        /* P's rounding times the steepest curve, (Pt/(Pt - Pe)) n1 = 13 */
+        assert_true(above / room < FINE(1e-9, 13.0 * FLOAT_ROUNDING));
+        if (on_curve) assert_true(above / room > FINE(-1e-9, -13.0 * FLOAT_ROUNDING));
         assert_true(p->alpha[i] <= before[i]);
     }
 }
@@ -633,7 +634,7 @@ static void check_cycles(int material, sphpa_crush_kind kind, int integrator) {
             assert_near_abs((double)s.sim.p.P[i], low[i], 1e-6 * s.matrix->A);
     }
     assert_int_equal(s.pores.stats.grew, 0);
-    assert_true(s.pores.stats.distance_max < (IS_FLOAT ? 1e-6 : 1e-9));
+    assert_true(s.pores.stats.distance_max < FINE(1e-9, 1e-6));
     assert_true(s.pores.stats.loading <= n * s.sim.stats.steps);
     assert_true(s.pores.stats.solves >= n * (s.sim.stats.steps + s.sim.stats.evaluations));
     end(&s);
@@ -704,6 +705,7 @@ static void check_deviator(int material, double G, double Y) {
     int64_t id = s.sim.p.id[middle];
     double dense = s.sim.p.alpha[middle] * s.sim.p.rho[middle], work = 0.0, power, before = 0.0;
     double strain = 0.0, step = material == PUMICE ? 0.02 : 0.004;
+    const double close = FINE(1e-10, 64.0 * FLOAT_ROUNDING); /* every step rounds S */
     for (int k = 0; k < 64; k++) {
         double rho = s.sim.p.rho[middle], turn = k < 48 ? -1.0 : 0.05;
         squeeze(&s, &hold, turn * step / s.options.dt_fixed, 1);
@@ -719,9 +721,9 @@ static void check_deviator(int material, double G, double Y) {
             if (k == 47) assert_near(-(double)p->S[6 * middle], limit, 1e-6);
         } else {
             assert_near_abs((double)p->S[6 * middle], expect,
-                            (IS_FLOAT ? 1e-4 : 1e-10) * s.G * (fabs(strain) + 1e-3));
+                            close * s.G * (fabs(strain) + 1e-3));
             assert_near_abs((double)p->S[6 * middle + 1], -0.5 * expect,
-                            (IS_FLOAT ? 1e-4 : 1e-10) * s.G * (fabs(strain) + 1e-3));
+                            close * s.G * (fabs(strain) + 1e-3));
             power = (double)p->P[middle] - (double)p->S[6 * middle];
             work += 0.5 * (power + before) * (1.0 / rho - 1.0 / p->rho[middle]);
             before = power;
@@ -751,7 +753,9 @@ static void test_deviator_unloads(void **state) {
     i = place_of(&s.sim.p, id);
     assert_true(s.sim.p.alpha[i] < alpha - 1e-4);
     double fall = -4.0 / 3.0 * s.G * log(s.sim.p.rho[i] / rho);
-    assert_near(s.sim.p.alpha[i] * (double)s.sim.p.S[6 * i + 1] - S, fall, IS_FLOAT ? 1e-4 : 1e-9);
+    /* S, rounded in 21 steps, is 40 times what it falls by here */
+    assert_near(s.sim.p.alpha[i] * (double)s.sim.p.S[6 * i + 1] - S, fall,
+                FINE(1e-9, 21.0 * 40.0 * FLOAT_ROUNDING));
     end(&s);
 }
 

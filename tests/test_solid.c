@@ -161,6 +161,17 @@ static int corrected(double det, int count, int dim) {
     return 1.0 / det > 0.2 && 1.0 / det < 5.0 && count >= enough[dim];
 }
 
+/* What the velocities' rounding leaves in L: FLOAT_ROUNDING |v|, over a distance h, times |C| <= 5
+   where C is used whole. (Pairs round independently, so it is less.) */
+static double rounding_of_L(const sphpa_particles *p) {
+    double most = 0.0;
+    for (size_t i = 0; i < p->n; i++) {
+        const sphpa_real *v = p->v + 3 * i;
+        for (int a = 0; a < 3; a++) most = fmax(most, fabs((double)v[a]) / (double)p->h[i]);
+    }
+    return FLOAT_ROUNDING * 5.0 * most;
+}
+
 static const double any_L[9] = {0.3, -0.7, 0.2, 0.5, -0.1, 0.9, -0.4, 0.6, 0.25};
 
 /* ---- gradients --------------------------------------------------------------------------------- */
@@ -184,6 +195,7 @@ static void linear_velocity_is_exact(void **state) {
         sphpa_error err;
         ok(sphpa_sim_refresh(&sim, &err), &err);
         int exact = 0, exact_at_surface = 0;
+        double rounding = rounding_of_L(&sim.p), div = L[0] + L[4] + L[8];
         for (size_t i = 0; i < sim.p.n; i++) {
             double M[9], worst = 0.0;
             int count;
@@ -191,8 +203,8 @@ static void linear_velocity_is_exact(void **state) {
             for (size_t k = 0; k < 9; k++)
                 worst = fmax(worst, fabs((double)sim.p.L[9 * i + k] - L[k]));
             if (corrected(det, count, dim)) {
-                assert_near_abs(worst, 0.0, 2e-12);
-                assert_near((double)sim.p.div_v[i], L[0] + L[4] + L[8], 1e-11);
+                assert_near_abs(worst, 0.0, FINE(2e-12, rounding));
+                assert_near((double)sim.p.div_v[i], div, FINE(1e-11, dim * rounding / fabs(div)));
                 exact++;
                 exact_at_surface += det < 0.7;
             }
@@ -229,6 +241,7 @@ static void correction_is_the_inverse(void **state) {
     start(&s, &p, &sim);
     ok(sphpa_sim_refresh(&sim, &err), &err);
     int checked = 0, alone = 0;
+    const double near = FINE(1e-12, 5.0 * FLOAT_ROUNDING); /* C is held as float and below 5 */
     for (size_t i = 0; i < sim.p.n; i++) {
         double M[9];
         int count;
@@ -239,9 +252,9 @@ static void correction_is_the_inverse(void **state) {
             for (int k = 0; k < 6; k++) assert_true((double)C[k] == one[k]);
             alone++;
         } else if (corrected(det, count, 2)) {
-            assert_near_abs((double)C[0], M[4] / det, 1e-12);
-            assert_near_abs((double)C[1], M[0] / det, 1e-12);
-            assert_near_abs((double)C[3], -M[1] / det, 1e-12);
+            assert_near_abs((double)C[0], M[4] / det, near);
+            assert_near_abs((double)C[1], M[0] / det, near);
+            assert_near_abs((double)C[3], -M[1] / det, near);
             assert_near_abs((double)C[2], 1.0, 1e-12);
             checked++;
         }
@@ -273,9 +286,11 @@ static double compression_error(int dim, double dt) {
         const double *x = sim.p.x + 3 * i;
         if (x[0] * x[0] + x[1] * x[1] + x[2] * x[2] > 0.2) continue; /* away from the surface */
         worst = fmax(worst, fabs(sim.p.rho[i] / rho - 1.0));
-        assert_near((double)sim.p.h[i] * pow(sim.p.rho[i], 1.0 / dim), (double)sim.p.h0[i], 1e-12);
+        /* every step rounds h */
+        assert_near((double)sim.p.h[i] * pow(sim.p.rho[i], 1.0 / dim), (double)sim.p.h0[i],
+                    FINE(1e-12, FLOAT_ROUNDING / dt));
         /* P = K (rho - 1), committed with the density of the step's end */
-        assert_near((double)sim.p.P[i], sim.p.rho[i] - 1.0, 1e-12);
+        assert_near((double)sim.p.P[i], sim.p.rho[i] - 1.0, FINE(1e-12, FLOAT_ROUNDING));
     }
     sphpa_sim_free(&sim);
     sphpa_particles_free(&p);
@@ -314,7 +329,9 @@ static double shear_error(double dt, sphpa_integrator integrator) {
         worst = fmax(worst, fabs((double)S[3] - 0.5 * sin(1.0)));
         worst = fmax(worst, fabs((double)S[0] - 0.5 * (1.0 - cos(1.0))));
         worst = fmax(worst, fabs((double)S[1] + 0.5 * (1.0 - cos(1.0))));
-        assert_near_abs((double)(S[0] + S[1] + S[2]), 0.0, 1e-14);
+        /* every step rounds three numbers below 0.25 */
+        assert_near_abs((double)S[0] + (double)S[1] + (double)S[2], 0.0,
+                        FINE(1e-14, 0.75 * FLOAT_ROUNDING / dt));
         /* du = sigma:L/rho: u = G (1 - cos t) */
         worst = fmax(worst, fabs(sim.p.u[i] - 0.5 * (1.0 - cos(1.0))));
     }
@@ -498,10 +515,11 @@ static void collision_conserves(void **state) {
         sphpa_totals last = sphpa_sim_totals(&sim);
         assert_true(hottest > 0.3 * first.kinetic);
         assert_true(sim.stats.u_below == 0);
-        assert_near(last.energy, first.energy, 1e-12);
+        double walk = float_walk(sim.stats.steps, sim.p.n);
+        assert_near(last.energy, first.energy, FINE(1e-12, walk));
         assert_true(fabs(last.kinetic / first.kinetic - 1.0) > 0.01); /* something happened */
         for (int a = 0; a < 3; a++)
-            assert_near_abs(last.momentum[a] - first.momentum[a], 0.0, 1e-13 * scale);
+            assert_near_abs(last.momentum[a] - first.momentum[a], 0.0, FINE(1e-13, walk) * scale);
         sphpa_sim_free(&sim);
         sphpa_particles_free(&p);
     }
@@ -522,16 +540,19 @@ static void pressed_block_cools(void **state) {
     until(&sim, 0.3);
     sphpa_totals moving = sphpa_sim_totals(&sim);
     assert_true(moving.internal < first.internal);
-    assert_near(moving.kinetic, first.internal - moving.internal, 1e-9);
+    assert_near(moving.kinetic, first.internal - moving.internal,
+                FINE(1e-9, float_walk(sim.stats.steps, sim.p.n)));
     /* the pressure's work, K (ln r + 1/r - 1) per mass at most, is the order of what moves */
     double most = first.mass * (log(1.1) + 1.0 / 1.1 - 1.0);
     assert_true(moving.kinetic > 0.1 * most && moving.kinetic < most);
     until(&sim, 4.0);
     sphpa_totals last = sphpa_sim_totals(&sim);
-    assert_near(last.energy, first.energy, 1e-12);
+    double walk = float_walk(sim.stats.steps, sim.p.n);
+    assert_near(last.energy, first.energy, FINE(1e-12, walk));
     assert_true(sim.stats.u_below == 0);
     double scale = sqrt(2.0 * most * first.mass);
-    for (int a = 0; a < 2; a++) assert_near_abs(last.momentum[a], 0.0, 1e-13 * scale);
+    for (int a = 0; a < 2; a++)
+        assert_near_abs(last.momentum[a], 0.0, FINE(1e-13, walk) * scale);
     sphpa_sim_free(&sim);
     sphpa_particles_free(&p);
 }
@@ -601,15 +622,15 @@ static void rotation_has_no_strain_rate(void **state) {
         s.solid.correction = correction;
         start(&s, &p, &sim);
         ok(sphpa_sim_refresh(&sim, &err), &err);
-        double worst = 0.0;
+        double worst = 0.0, rounding = rounding_of_L(&sim.p);
         size_t bad = 0;
         for (size_t i = 0; i < sim.p.n; i++) {
             const sphpa_real *L = sim.p.L + 9 * i;
             double rate = 0.0;
             for (size_t a = 0; a < 3; a++)
                 for (size_t b = 0; b < 3; b++)
-                    rate = fmax(rate, fabs((double)(L[3 * a + b] + L[3 * b + a])));
-            if (rate > 1e-12) bad++;
+                    rate = fmax(rate, fabs((double)L[3 * a + b] + (double)L[3 * b + a]));
+            if (rate > FINE(1e-12, 2.0 * rounding)) bad++;
             worst = fmax(worst, rate);
         }
         print_message("# rigid rotation, correction %d: largest strain rate %.2e, %zu of %zu particles "
@@ -779,7 +800,7 @@ static const char *limit_of(scene_of *s, double L_xx) {
         assert_near(sim.dt_next, least, 1e-12);
     } else if (strcmp(name, "courant") == 0)
         assert_near(sim.dt, 0.3 * (double)sim.p.h0[0] / (sqrt(1.0 + 4.0 / 3.0 * s->material.G) * 2.2),
-                    1e-9);
+                    FINE(1e-9, 2.0 * FLOAT_ROUNDING)); /* of c, and of the density before it */
     sphpa_sim_free(&sim);
     sphpa_particles_free(&p);
     return name;
@@ -829,12 +850,17 @@ static void smoothing_length_stays_in_its_range(void **state) {
         until(&sim, 1.0); /* to half, or twice, the size */
         double least = HUGE_VAL, most = 0.0;
         for (size_t i = 0; i < sim.p.n; i++) {
-            least = fmin(least, (double)(sim.p.h[i] / sim.p.h0[i]));
-            most = fmax(most, (double)(sim.p.h[i] / sim.p.h0[i]));
+            least = fmin(least, (double)sim.p.h[i] / (double)sim.p.h0[i]);
+            most = fmax(most, (double)sim.p.h[i] / (double)sim.p.h0[i]);
             for (size_t c = 0; c < 6; c++) assert_true((double)sim.p.S[6 * i + c] == 0.0);
         }
+<<<<<<< HEAD
         if (k) assert_near(most, k == 2 ? 1.75 : 1.5, 1e-15);
         else assert_near(least, 0.6, 1e-15);
+=======
+        if (k) assert_near(most, 1.5, FINE(1e-15, FLOAT_ROUNDING));
+        else assert_near(least, 0.6, FINE(1e-15, FLOAT_ROUNDING));
+>>>>>>> 5664b5c (The tests hold in float: bounds that depend on rounding say how, in near.h; make check runs them)
         sphpa_sim_free(&sim);
         sphpa_particles_free(&p);
     }
@@ -910,6 +936,7 @@ static int pieces(const sphpa_particles *p, int body, double link) {
 typedef struct rings {
     int pieces;
     double speed[2], energy; /* of the centres of mass; relative drift */
+    double walk;             /* and what rounding to float may make of it */
 } rings;
 
 static rings collide_rings(double artificial, double t_end) {
@@ -937,6 +964,7 @@ static rings collide_rings(double artificial, double t_end) {
     out.speed[0] /= mass;
     out.speed[1] /= mass;
     out.energy = sphpa_sim_totals(&sim).energy / before - 1.0;
+    out.walk = float_walk(sim.stats.steps, sim.p.n);
     sphpa_sim_free(&sim);
     sphpa_particles_free(&p);
     return out;
@@ -949,8 +977,8 @@ static void rubber_rings_bounce(void **state) {
                   with.speed[1], with.energy);
     assert_int_equal(with.pieces, 2);
     assert_true(with.speed[0] < -0.01 && with.speed[1] > 0.01);
-    assert_near_abs(with.speed[0] + with.speed[1], 0.0, 1e-13);
-    assert_near_abs(with.energy, 0.0, 1e-12);
+    assert_near_abs(with.speed[0] + with.speed[1], 0.0, FINE(1e-13, 0.059 * with.walk));
+    assert_near_abs(with.energy, 0.0, FINE(1e-12, with.walk));
 }
 
 /* ---- threads ------------------------------------------------------------------------------------- */

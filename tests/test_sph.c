@@ -13,11 +13,7 @@
 
 #include "near.h"
 
-#ifdef SPHPA_FLOAT
-#define ROUNDING 1e-6
-#else
-#define ROUNDING 1e-13
-#endif
+#define ROUNDING FINE(1e-13, FLOAT_ROUNDING)
 
 /* ---- helpers --------------------------------------------------------------------------------- */
 
