@@ -1733,7 +1733,7 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
      (1) C_i = [sum_j w_ij (x_j - x_i) outer grad W]^-1, blended into the identity where det C
          leaves [0.2, 5] (a flat surface has 2 in 2-D and 3 in 3-D) or neighbours are fewer than 10
          (2-D: 5); the identity without `correction`. w_ij = m_j/(rho_i^p rho_j^(1-p)), p = 1/2 with
-         the correction and 1 without; m_j/rho_j for another body's particles
+         the correction; without it p = 1, but 0 for another body's particles
      (2) L_i = [sum_j w_ij (v_j - v_i) outer grad W] C_i; for the continuity from all neighbours, but
          a particle that is not under pressure is not stretched by another body that leaves, nor a
          whole one by a broken one; for the
@@ -8479,7 +8479,8 @@ SPHPA_FORCE_INLINE_ void sphpa_solid_gather_(const sphpa_solid_params *solid,
     if (i->relaxed && (broken || (foreign && !solid->bodies_stick)) &&
         vx * dx + vy * dy + vz * dz < 0.0)
         return; /* it leaves, and pulls at nothing */
-    double weight = g * j->volume * (foreign ? 1.0 : j->root * per_root);
+    bool by_volume = foreign && !solid->correction;
+    double weight = g * j->volume * (by_volume ? 1.0 : j->root * per_root);
     sphpa_solid_sum_(&rates->all, weight, dx, dy, dz, vx, vy, vz);
     if (broken || (choosy && foreign))
         sphpa_solid_sum_(&rates->left_out, weight, dx, dy, dz, vx, vy, vz);
