@@ -1734,10 +1734,10 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
          leaves [0.2, 5] (a flat surface has 2 in 2-D and 3 in 3-D) or neighbours are fewer than 10
          (2-D: 5); the identity without `correction`. w_ij = m_j/(rho_i^p rho_j^(1-p)), p = 1/2 with
          the correction; without it p = 1, but 0 for another body's particles
-     (2) L_i = [sum_j w_ij (v_j - v_i) outer grad W] C_i; for the continuity from all neighbours, but
-         a particle that is not under pressure is not stretched by another body that leaves, nor a
-         whole one by a broken one; for the
-         stress of an undamaged particle from the undamaged ones of its own body. Where C is blended
+     (2) L_i = [sum_j w_ij (v_j - v_i) outer grad W] C_i; for the continuity from all neighbours,
+         but a particle that is not under pressure is not stretched by another body that leaves, nor
+         a whole one by a broken one; for the stress of an undamaged particle from the undamaged
+         ones of its own body. Where C is blended
          L = W + [.. - W M] C, M = C^-1 and W the rigid rotation of the neighbours: no false strain
      (3) rho = rho_0 exp(-dt div v)          h = h_n exp(dt div v/dim), in [h_min, h_max] h0
      (4) dS/dt = 2 G (edot - tr edot/3 I) + W S - S W, the rotation exact
@@ -1750,10 +1750,10 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
          over a pair is the work of (5), so total energy is kept to rounding
      (7) R = -eps sigma'/rho^2 in the principal directions under tension, f = W(r)/W(spacing)
    With one grad W for both particles linear momentum is exact; with C angular momentum is not.
-   Why w_ij and not the volume m_j/rho_j: (2) must add up to the density that the particles have when
-   a steep front has passed. Without C, p = 1 makes (3) the rate of the sum of m_j W, so it does; with
-   p = 0 a fourfold jump over three particles ends 20 % too dense, and P 40 % too high. With C any
-   weights are exact for linear v, and across a jump p = 0 errs one way as p = 1 the other way.
+   Why w_ij and not the volume m_j/rho_j: (2) must add up to the density that the particles have
+   when a steep front has passed. Without C, p = 1 makes (3) the rate of the sum of m_j W, so it
+   does; with p = 0 a fourfold jump over three particles ends 20 % too dense, and P 40 % too high.
+   With C any weights are exact for linear v; across a jump p = 0 errs one way, p = 1 the other.
    References: Benz & Asphaug 1995 (CPC 87); Bonet & Lok 1999 (CMAME 180; correction); Monaghan
    2000 (JCP 159; artificial stress); Owen 2014 (compatible energy).
    Needs: sph, eos, strength. Read next: >>pores, >>plastic, >>cracks.
@@ -1764,8 +1764,8 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
 typedef struct sphpa_solid_material {
     sphpa_eos eos; /* its K is the bulk modulus where one is needed */
     double G;      /* [Pa] shear modulus; 0: a fluid */
-    double h_max;  /* [1] of (3), for this material; 0: that of the scene. Give what boils away more,
-                      or its particles lose each other and keep their pressure */
+    double h_max;  /* [1] of (3), for this material; 0: that of the scene. Give more to what boils
+                      away, or its particles lose each other and keep their pressure */
 } sphpa_solid_material;
 
 /* Zeroed members are the defaults. */
@@ -8886,7 +8886,8 @@ SPHPA_PRIVATE_ void sphpa_solid_energy_(sphpa_sim *sim, void *params,
         double g = 0.5 * (gi[k] + gj[k]), dx = near->dx[k], dy = near->dy[k], dz = near->dz[k];
         sphpa_solid_shared_(&pair, own, other, near, close, k, shared, &mu);
         sphpa_solid_own_(own, sphpa_solid_joined_(&pair, own, other), dx, dy, dz, mine);
-        for (int a = 0; a < 3; a++) sum += g * other->m * (w[a] - v[a]) * (mine[a] + 0.5 * shared[a]);
+        for (int a = 0; a < 3; a++)
+            sum += g * other->m * (w[a] - v[a]) * (mine[a] + 0.5 * shared[a]);
         sphpa_solid_gather_(solid, &own->point, &other->point, per_root, g, dx, dy, dz, &rates);
     }
     sim->p.du[near->i] = (sphpa_real)((double)sim->p.du[near->i] + sum);
@@ -9561,8 +9562,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_cracks_keep_(sphpa_sim *sim, void *params, sph
     for (size_t i = 0; i < sim->p.n; i++) /* none may point beyond the end */
         if ((uint64_t)sim->p.flaw_first[i] + sim->p.flaw_count[i] > cracks->pool_count)
             return sphpa_error_set(err, SPHPA_ERROR_FORMAT,
-                                   "cracks: particle %zu has flaws %llu to %llu of %zu; the file is "
-                                   "damaged, give an earlier checkpoint", i,
+                                   "cracks: particle %zu has flaws %llu to %llu of %zu; the file "
+                                   "is damaged, give an earlier checkpoint", i,
                                    (unsigned long long)sim->p.flaw_first[i],
                                    (unsigned long long)sim->p.flaw_first[i] +
                                        sim->p.flaw_count[i], cracks->pool_count);

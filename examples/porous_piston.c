@@ -176,6 +176,8 @@ static void print_results(const sphpa_sim *sim, const piston *p, const double l1
     printf("largest distance from the crush curve over alpha0 - 1   %.3e\n", stats->distance_max);
     printf("particles whose alpha grew in a step                    %llu\n",
            (unsigned long long)stats->grew);
+    printf("bytes of fields a particle                              %zu\n",
+           sphpa_particles_bytes_each(&sim->p));
     printf("equations of state per solve                            %.2f\n",
            (double)stats->evaluations / (double)stats->solves);
 }

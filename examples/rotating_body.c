@@ -100,6 +100,7 @@ static void turn(const choices *c, const sphpa_particles *p, body_run *run) {
     sphpa_run how;
     sphpa_error err;
     memset(&elastic, 0, sizeof elastic);
+    memset(&material, 0, sizeof material);
     memset(&solid, 0, sizeof solid);
     memset(&options, 0, sizeof options);
     memset(&scene, 0, sizeof scene);
@@ -128,9 +129,9 @@ static void turn(const choices *c, const sphpa_particles *p, body_run *run) {
     example_progress_end(&run->progress);
     if (result != SPHPA_OK && result != SPHPA_STOPPED) example_fail(1, "%s", err.message);
     if (!c->quiet)
-        fprintf(stderr, "correction %s: %llu steps, %.1f neighbours\n",
+        fprintf(stderr, "correction %s: %llu steps, %.1f neighbours, %zu bytes a particle\n",
                 run->correction ? "on" : "off", (unsigned long long)sim.stats.steps,
-                sim.stats.neighbours_mean);
+                sim.stats.neighbours_mean, sphpa_particles_bytes_each(&sim.p));
     sphpa_sim_free(&sim);
 }
 
