@@ -1730,15 +1730,16 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
    ------------------------------------------------------------------------------------------------
    v_ij = v_i - v_j, x_ij = x_i - x_j, tension positive: sigma = S - P I, damaged
    sigma' = (1-D) S - (P < 0 ? (1-D) P : P) I. grad W is the mean of both particles' kernels.
-     (1) C_i = [sum_j w_ij (x_j - x_i) outer grad W]^-1, blended into the identity where det C
-         leaves [0.2, 5] (a flat surface has 2 in 2-D and 3 in 3-D) or neighbours are fewer than 10
-         (2-D: 5); the identity without `correction`. w_ij = m_j/(rho_i^p rho_j^(1-p)), p = 1/2 with
-         the correction; without it p = 1, but 0 for another body's particles
+     (1) C_i = M_i^-1, M_i = sum_j w_ij (x_j - x_i) outer grad W; blended into I/s_i, s_i = max(1,
+         tr M_i/dim), where det(s_i C_i) passes 5 (a flat surface has 2 in 2-D and 3 in 3-D) or
+         neighbours are fewer than 10 (2-D: 5); the identity without `correction`. w_ij =
+         m_j/(rho_i^p rho_j^(1-p)), p = 1/2 with the correction; without it p = 1, but 0 for
+         another body's particles
      (2) L_i = [sum_j w_ij (v_j - v_i) outer grad W] C_i; for the continuity from all neighbours,
          but a particle that is not under pressure is not stretched by another body that leaves, nor
          a whole one by a broken one; for the stress of an undamaged particle from the undamaged
          ones of its own body. Where C is blended
-         L = W + [.. - W M] C, M = C^-1 and W the rigid rotation of the neighbours: no false strain
+         L = W + [.. - W M] C with W the rigid rotation of the neighbours: no false strain
      (3) rho = rho_0 exp(-dt div v)          h = h_n exp(dt div v/dim), in [h_min, h_max] h0
      (4) dS/dt = 2 G (edot - tr edot/3 I) + W S - S W, the rotation exact
      (5) dv_i/dt = sum_j m_j (T_i + T_j - Pi I + f^n (R_i + R_j)) . grad W,  T = sigma' C/rho^2
@@ -1754,6 +1755,8 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
    when a steep front has passed. Without C, p = 1 makes (3) the rate of the sum of m_j W, so it
    does; with p = 0 a fourfold jump over three particles ends 20 % too dense, and P 40 % too high.
    With C any weights are exact for linear v; across a jump p = 0 errs one way, p = 1 the other.
+   Why I/s and not I: a particle much thinner than its neighbours counts each of them many times
+   (M >> 1); with I it is stretched by as much, gets thinner still, and never comes back.
    References: Benz & Asphaug 1995 (CPC 87); Bonet & Lok 1999 (CMAME 180; correction); Monaghan
    2000 (JCP 159; artificial stress); Owen 2014 (compatible energy).
    Needs: sph, eos, strength. Read next: >>pores, >>plastic, >>cracks.
@@ -8495,16 +8498,17 @@ SPHPA_PRIVATE_ double sphpa_ramp_(double a, double zero, double one) {
 SPHPA_PRIVATE_ sphpa_sym3 sphpa_solid_correction_(const double x[6], double count, int dim,
                                                   double *share) {
     static const double few[4] = {0.0, 0.0, 3.0, 6.0}, enough[4] = {1.0, 1.0, 5.0, 10.0};
-    sphpa_sym3 C = {1.0, 1.0, 1.0, 0.0, 0.0, 0.0};
     double xx = x[0], yy = dim > 1 ? x[1] : 1.0, zz = dim > 2 ? x[2] : 1.0;
     double xy = x[3], yz = x[4], xz = x[5];
     double a = yy * zz - yz * yz, b = xz * yz - xy * zz, c = xy * yz - xz * yy;
     double det = xx * a + xy * b + xz * c;
+    double s = sphpa_max_(1.0, (x[0] + x[1] + x[2]) / dim); /* beyond dim x is 0 */
+    double cube = dim > 2 ? s * s * s : dim > 1 ? s * s : s;
+    sphpa_sym3 C = {1.0 / s, 1.0 / s, 1.0 / s, 0.0, 0.0, 0.0};
     *share = 0.0;
-    if (!(det > 0.05)) return C; /* det C > 20: far outside of what is blended in */
-    *share = sphpa_ramp_(1.0 / det, 0.1, 0.2) * sphpa_ramp_(1.0 / det, 8.0, 5.0) *
-             sphpa_ramp_(count, few[dim], enough[dim]);
-    double per = *share / det, rest = 1.0 - *share;
+    if (!(det > 0.05 * cube)) return C; /* det(s C) > 20: far outside of what is blended in */
+    *share = sphpa_ramp_(cube / det, 8.0, 5.0) * sphpa_ramp_(count, few[dim], enough[dim]);
+    double per = *share / det, rest = (1.0 - *share) / s;
     C.xx = per * a + rest;
     C.yy = per * (xx * zz - xz * xz) + rest;
     C.zz = per * (xx * yy - xy * xy) + rest;

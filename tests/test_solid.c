@@ -227,6 +227,50 @@ static void linear_velocity_is_exact(void **state) {
     }
 }
 
+/* a particle far thinner than its neighbours counts each of them many times, and is still strained
+   as they are: exactly in the body, boundedly where it has only two neighbours, in a row */
+static void thin_particle_is_not_torn_further(void **state) {
+    (void)state;
+    static const double thin[3] = {1e-1, 1e-3, 1e-6};
+    for (int k = 0; k < 3; k++) {
+        sphpa_particles p = set_of(3);
+        sphpa_body body = body_of(0.2);
+        add_ball(&p, 0.0, 0.0, 1.0, &body);
+        jitter(&p, 0.15, 5);
+        size_t inside = 0, row = p.n;
+        for (size_t i = 0; i < p.n; i++) {
+            double *x = p.x + 3 * i, *c = p.x + 3 * inside;
+            if (hypot(hypot(x[0], x[1]), x[2]) < hypot(hypot(c[0], c[1]), c[2])) inside = i;
+        }
+        add_box(&p, 40.0, 0.0, 0.0, 40.6, 0.2, 0.2, &body);
+        assert_int_equal(p.n, row + 3);
+        p.rho[inside] *= thin[k], p.rho[row + 1] *= thin[k];
+        set_linear_velocity(&p, any_L);
+        scene_of s = elastic(0.5);
+        sphpa_sim sim;
+        start(&s, &p, &sim);
+        sphpa_error err;
+        ok(sphpa_sim_refresh(&sim, &err), &err);
+        /* the start sorts the particles along the tree */
+        double rounding = rounding_of_L(&sim.p), largest = 0.0;
+        int found = 0;
+        for (size_t c = 0; c < 9; c++) largest = fmax(largest, fabs(any_L[c]));
+        for (size_t i = 0; i < sim.p.n; i++) {
+            if ((size_t)sim.p.id[i] != inside && (size_t)sim.p.id[i] != row + 1) continue;
+            bool exact = (size_t)sim.p.id[i] == inside;
+            found++;
+            for (size_t c = 0; c < 9; c++) {
+                double got = (double)sim.p.L[9 * i + c];
+                if (exact) assert_near_abs(got, any_L[c], FINE(1e-11, rounding));
+                else assert_true(fabs(got) < 4.0 * largest);
+            }
+        }
+        assert_int_equal(found, 2);
+        sphpa_sim_free(&sim);
+        sphpa_particles_free(&p);
+    }
+}
+
 /* C itself against the inverse of the brute-force sum; the identity where a particle is alone */
 static void correction_is_the_inverse(void **state) {
     (void)state;
@@ -1030,6 +1074,7 @@ static void threads_do_not_matter(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(linear_velocity_is_exact),
+        cmocka_unit_test(thin_particle_is_not_torn_further),
         cmocka_unit_test(correction_is_the_inverse),
         cmocka_unit_test(density_is_mass_over_volume),
         cmocka_unit_test(shear_follows_jaumann),
