@@ -2285,6 +2285,39 @@ SPHPA_FORCE_INLINE_ double sphpa_clamp_(double a, double low, double high) {
     return a < low ? low : (a > high ? high : a);
 }
 
+/* 2^k for a double k that is a whole number in [-1022, 1023]: adding 1.5 2^52 + 1023 leaves the
+   biased exponent in the lowest bits of the significand; the shift drops all the others. */
+SPHPA_FORCE_INLINE_ double sphpa_exp2_whole_(double k) {
+    double shifted = k + (6755399441055744.0 + 1023.0), power;
+    uint64_t bits;
+    memcpy(&bits, &shifted, sizeof bits);
+    bits <<= 52;
+    memcpy(&power, &bits, sizeof power);
+    return power;
+}
+
+/* exp(x) for x <= 0: at most 1.1 ulp off, also where the result is subnormal; 0 below -745.14; NaN
+   for NaN. No table, no branch, no call: a compiler that may vectorise does so, and lane and scalar
+   return the same bits (libm's exp would do neither). x = k ln2 + r with |r| <= ln2/2 (Cody & Waite
+   1980: ln2 in two parts, the first of 32 bits, so that k ln2_high is exact), exp(r) = 1 + r +
+   r^2 p(r), p minimax of degree 9 (Remez; relative error of exp(r) 3.7e-18), and 2^k in two
+   factors, so that the only rounding of a subnormal result is that of the last product. */
+SPHPA_FORCE_INLINE_ double sphpa_exp_(double x) {
+    const double magic = 6755399441055744.0; /* 1.5 2^52: adding it rounds to a whole number */
+    x = x < -746.0 ? -746.0 : x;
+    double k = (x * 1.44269504088896340736 + magic) - magic;
+    double r = (x - k * 6.93147180369123816490e-01) - k * 1.90821492927058770002e-10;
+    double r2 = r * r, r4 = r2 * r2;
+    double p03 = (0.5000000000000011 + 0.16666666666666413 * r) +
+                 (0.041666666666530155 + 0.008333333333494465 * r) * r2;
+    double p47 = (0.0013888888943630188 + 0.00019841269506571267 * r) +
+                 (2.4801493098816138e-05 + 2.75575863808365e-06 * r) * r2;
+    double p89 = 2.763024841408471e-07 + 2.500005928835836e-08 * r;
+    double e = 1.0 + (r + r2 * (p03 + r4 * (p47 + r4 * p89)));
+    double half = (0.5 * k + magic) - magic;
+    return e * sphpa_exp2_whole_(half) * sphpa_exp2_whole_(k - half);
+}
+
 SPHPA_DEF sphpa_rng sphpa_rng_seed(uint64_t seed, uint64_t stream) {
     sphpa_rng rng;
     rng.state = 0;
@@ -2538,20 +2571,19 @@ SPHPA_FORCE_INLINE_ double sphpa_kernel_line6_d2_(double q) {
 }
 
 SPHPA_FORCE_INLINE_ double sphpa_kernel_gaussian_w_(double q) {
-    return q >= 3.0 ? 0.0 : exp(-(q * q));
+    return q >= 3.0 ? 0.0 : sphpa_exp_(-(q * q));
 }
 SPHPA_FORCE_INLINE_ double sphpa_kernel_gaussian_d1_(double q) {
-    return q >= 3.0 ? 0.0 : -2.0 * q * exp(-(q * q));
+    return q >= 3.0 ? 0.0 : -2.0 * q * sphpa_exp_(-(q * q));
 }
 SPHPA_FORCE_INLINE_ double sphpa_kernel_gaussian_d2_(double q) {
-    return q >= 3.0 ? 0.0 : (4.0 * (q * q) - 2.0) * exp(-(q * q));
+    return q >= 3.0 ? 0.0 : (4.0 * (q * q) - 2.0) * sphpa_exp_(-(q * q));
 }
 
 /* case, shape: the numbers of sphpa_kernel, then the Wendland kernels of one dimension */
-#define SPHPA_KERNEL_POLYNOMIALS_(X)                                                               \
-    X(0, cubic) X(1, quartic) X(2, quintic) X(3, c2) X(4, c4) X(5, c6) X(7, line2) X(8, line4)     \
-    X(9, line6)
-#define SPHPA_KERNEL_SHAPES_(X) SPHPA_KERNEL_POLYNOMIALS_(X) X(6, gaussian)
+#define SPHPA_KERNEL_SHAPES_(X)                                                                    \
+    X(0, cubic) X(1, quartic) X(2, quintic) X(3, c2) X(4, c4) X(5, c6) X(6, gaussian) X(7, line2)  \
+    X(8, line4) X(9, line6)
 
 SPHPA_PRIVATE_ bool sphpa_kernel_known_(sphpa_kernel k) {
     return (int)k >= 0 && (int)k < (int)SPHPA_KERNEL_COUNT;
@@ -2666,11 +2698,8 @@ SPHPA_PRIVATE_ void sphpa_kernel_batch_w_(int shape, double norm, size_t n,
         SPHPA_SIMD                                                                                 \
         for (size_t i = 0; i < n; i++) f[i] = norm * sphpa_kernel_##name##_w_(q[i]);               \
         break;
-        SPHPA_KERNEL_POLYNOMIALS_(SPHPA_KERNEL_CASE_)
+        SPHPA_KERNEL_SHAPES_(SPHPA_KERNEL_CASE_)
 #undef SPHPA_KERNEL_CASE_
-    case 6: /* exp() does not vectorise */
-        for (size_t i = 0; i < n; i++) f[i] = norm * sphpa_kernel_gaussian_w_(q[i]);
-        break;
     default: break;
     }
 }
@@ -2684,16 +2713,12 @@ SPHPA_PRIVATE_ void sphpa_kernel_batch_d1_(int shape, double norm, size_t n,
         SPHPA_SIMD                                                                                 \
         for (size_t i = 0; i < n; i++) df[i] = norm * sphpa_kernel_##name##_d1_(q[i]);             \
         break;
-        SPHPA_KERNEL_POLYNOMIALS_(SPHPA_KERNEL_CASE_)
+        SPHPA_KERNEL_SHAPES_(SPHPA_KERNEL_CASE_)
 #undef SPHPA_KERNEL_CASE_
-    case 6: /* exp() does not vectorise */
-        for (size_t i = 0; i < n; i++) df[i] = norm * sphpa_kernel_gaussian_d1_(q[i]);
-        break;
     default: break;
     }
 }
 #undef SPHPA_KERNEL_SHAPES_
-#undef SPHPA_KERNEL_POLYNOMIALS_
 
 SPHPA_DEF void sphpa_kernel_shape_batch(sphpa_kernel k, int dim, size_t n,
                                         const double *SPHPA_RESTRICT q, double *SPHPA_RESTRICT f,
@@ -2719,41 +2744,6 @@ SPHPA_EXTERN_C_BEGIN_
 /* ================================================================================================
    >>eos   implementation
    ============================================================================================== */
-
-/* ---- the exponential ------------------------------------------------------------------------- */
-
-/* 2^k for a double k that is a whole number in [-1022, 1023]: adding 1.5 2^52 + 1023 leaves the
-   biased exponent in the lowest bits of the significand; the shift drops all the others. */
-SPHPA_FORCE_INLINE_ double sphpa_exp2_whole_(double k) {
-    double shifted = k + (6755399441055744.0 + 1023.0), power;
-    uint64_t bits;
-    memcpy(&bits, &shifted, sizeof bits);
-    bits <<= 52;
-    memcpy(&power, &bits, sizeof power);
-    return power;
-}
-
-/* exp(x) for x <= 0: at most 1.1 ulp off, also where the result is subnormal; 0 below -745.14; NaN
-   for NaN. No table, no branch, no call: a compiler that may vectorise does so, and lane and scalar
-   return the same bits (libm's exp would do neither). x = k ln2 + r with |r| <= ln2/2 (Cody & Waite
-   1980: ln2 in two parts, the first of 32 bits, so that k ln2_high is exact), exp(r) = 1 + r +
-   r^2 p(r), p minimax of degree 9 (Remez; relative error of exp(r) 3.7e-18), and 2^k in two
-   factors, so that the only rounding of a subnormal result is that of the last product. */
-SPHPA_FORCE_INLINE_ double sphpa_exp_(double x) {
-    const double magic = 6755399441055744.0; /* 1.5 2^52: adding it rounds to a whole number */
-    x = x < -746.0 ? -746.0 : x;
-    double k = (x * 1.44269504088896340736 + magic) - magic;
-    double r = (x - k * 6.93147180369123816490e-01) - k * 1.90821492927058770002e-10;
-    double r2 = r * r, r4 = r2 * r2;
-    double p03 = (0.5000000000000011 + 0.16666666666666413 * r) +
-                 (0.041666666666530155 + 0.008333333333494465 * r) * r2;
-    double p47 = (0.0013888888943630188 + 0.00019841269506571267 * r) +
-                 (2.4801493098816138e-05 + 2.75575863808365e-06 * r) * r2;
-    double p89 = 2.763024841408471e-07 + 2.500005928835836e-08 * r;
-    double e = 1.0 + (r + r2 * (p03 + r4 * (p47 + r4 * p89)));
-    double half = (0.5 * k + magic) - magic;
-    return e * sphpa_exp2_whole_(half) * sphpa_exp2_whole_(k - half);
-}
 
 /* ---- Tillotson ------------------------------------------------------------------------------- */
 

@@ -1,4 +1,4 @@
-/* Results and messages, random numbers, eigenvalues. */
+/* Results and messages, random numbers, eigenvalues, the exponential. */
 #include <stdarg.h>
 #include <stddef.h>
 #include <setjmp.h>
@@ -360,11 +360,61 @@ static void eigen_scaled(void **state) {
         }
 }
 
+/* ---- the exponential ------------------------------------------------------------------------- */
+
+/* error of sphpa_exp_ in units of the last place of the true value */
+static double exp_error_ulp(double x) {
+    long double exact = expl((long double)x);
+    int power;
+    (void)frexpl(exact, &power);
+    long double ulp = ldexpl(1.0L, power - 53);
+    long double least = ldexpl(1.0L, -1074);
+    if (ulp < least) ulp = least;
+    return (double)(fabsl((long double)sphpa_exp_(x) - exact) / ulp);
+}
+
+static void exponential_is_good_to_its_stated_error(void **state) {
+    (void)state;
+    sphpa_rng rng = sphpa_rng_seed(16, 1);
+    double worst = 0.0;
+    for (int n = 0; n < 200000; n++) {
+        worst = fmax(worst, exp_error_ulp(-750.0 * sphpa_rng_uniform(&rng)));
+        worst = fmax(worst, exp_error_ulp(-40.0 * sphpa_rng_uniform(&rng)));
+        worst = fmax(worst, exp_error_ulp(-pow(10.0, -20.0 * sphpa_rng_uniform(&rng))));
+        worst = fmax(worst, exp_error_ulp(-708.0 - 38.0 * sphpa_rng_uniform(&rng))); /* subnormal results */
+    }
+    for (int k = 0; k < 1076; k++) /* where k changes, |r| is largest */
+        for (int s = -2; s <= 2; s++)
+            worst = fmax(worst, exp_error_ulp(-(k + 0.5) * 0.69314718055994531 * (1 + s * 1e-15)));
+    if (!(worst <= 1.1)) print_error("exp: %.4f ulp\n", worst);
+    assert_true(worst <= 1.1); /* 1.04: the worst of 4e7 draws */
+    double zero = 0.0;
+    assert_true(sphpa_exp_(0.0) == 1.0 && sphpa_exp_(-zero) == 1.0);
+    assert_true(sphpa_exp_(-745.0) > 0.0 && sphpa_exp_(-745.2) == 0.0);
+    assert_true(sphpa_exp_(-1e300) == 0.0 && sphpa_exp_(-HUGE_VAL) == 0.0);
+    assert_true(sphpa_exp_(nan("")) != sphpa_exp_(nan("")));
+}
+
+/* a loop that a compiler may turn into vectors gives the bits of single calls */
+static void exponential_has_the_same_bits_in_a_loop(void **state) {
+    (void)state;
+    enum { N = 1001 };
+    static double x[N], y[N];
+    for (int n = 0; n < N; n++) x[n] = -0.77 * n;
+    for (int n = 0; n < N; n++) y[n] = sphpa_exp_(x[n]);
+    for (int n = 0; n < N; n++) {
+        volatile double one = x[n];
+        assert_true(sphpa_exp_(one) == y[n]);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(result_texts),   cmocka_unit_test(unknown_results),
         cmocka_unit_test(error_messages), cmocka_unit_test(pcg_published),
         cmocka_unit_test(uniform_moments), cmocka_unit_test(normal_moments),
+        cmocka_unit_test(exponential_is_good_to_its_stated_error),
+        cmocka_unit_test(exponential_has_the_same_bits_in_a_loop),
         cmocka_unit_test(below_is_unbiased), cmocka_unit_test(streams_differ),
         cmocka_unit_test(eigen_random),   cmocka_unit_test(eigen_known),
         cmocka_unit_test(eigen_exact),    cmocka_unit_test(eigen_scaled),

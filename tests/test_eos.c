@@ -353,54 +353,6 @@ static void guards_hold_at_extremes(void **state) {
     assert_true(p.P == 7.0);
 }
 
-/* ---- the exponential ------------------------------------------------------------------------- */
-
-/* error of sphpa_exp_ in units of the last place of the true value */
-static double exp_error_ulp(double x) {
-    wide exact = expl((wide)x);
-    int power;
-    (void)frexpl(exact, &power);
-    wide ulp = ldexpl(1.0L, power - 53);
-    wide least = ldexpl(1.0L, -1074);
-    if (ulp < least) ulp = least;
-    return (double)(fabsl((wide)sphpa_exp_(x) - exact) / ulp);
-}
-
-static void exponential_is_good_to_its_stated_error(void **state) {
-    (void)state;
-    sphpa_rng rng = sphpa_rng_seed(16, 1);
-    double worst = 0.0;
-    for (int n = 0; n < 200000; n++) {
-        worst = fmax(worst, exp_error_ulp(-750.0 * sphpa_rng_uniform(&rng)));
-        worst = fmax(worst, exp_error_ulp(-40.0 * sphpa_rng_uniform(&rng)));
-        worst = fmax(worst, exp_error_ulp(-log_between(&rng, 1e-20, 1.0)));
-        worst = fmax(worst, exp_error_ulp(-between(&rng, 708.0, 746.0))); /* subnormal results */
-    }
-    for (int k = 0; k < 1076; k++) /* where k changes, |r| is largest */
-        for (int s = -2; s <= 2; s++)
-            worst = fmax(worst, exp_error_ulp(-(k + 0.5) * 0.69314718055994531 * (1 + s * 1e-15)));
-    if (!(worst <= 1.1)) print_error("exp: %.4f ulp\n", worst);
-    assert_true(worst <= 1.1); /* 1.04: the worst of 4e7 draws */
-    double zero = 0.0;
-    assert_true(sphpa_exp_(0.0) == 1.0 && sphpa_exp_(-zero) == 1.0);
-    assert_true(sphpa_exp_(-745.0) > 0.0 && sphpa_exp_(-745.2) == 0.0);
-    assert_true(sphpa_exp_(-1e300) == 0.0 && sphpa_exp_(-HUGE_VAL) == 0.0);
-    assert_true(sphpa_exp_(nan("")) != sphpa_exp_(nan("")));
-}
-
-/* a loop that a compiler may turn into vectors gives the bits of single calls */
-static void exponential_has_the_same_bits_in_a_loop(void **state) {
-    (void)state;
-    enum { N = 1001 };
-    static double x[N], y[N];
-    for (int n = 0; n < N; n++) x[n] = -0.77 * n;
-    for (int n = 0; n < N; n++) y[n] = sphpa_exp_(x[n]);
-    for (int n = 0; n < N; n++) {
-        volatile double one = x[n];
-        assert_true(sphpa_exp_(one) == y[n]);
-    }
-}
-
 /* ---- the other equations --------------------------------------------------------------------- */
 
 static void ideal_gas(void **state) {
@@ -711,8 +663,6 @@ int main(void) {
         cmocka_unit_test(cut_offs),
         cmocka_unit_test(zero_B_cures_the_torn_projectile),
         cmocka_unit_test(guards_hold_at_extremes),
-        cmocka_unit_test(exponential_is_good_to_its_stated_error),
-        cmocka_unit_test(exponential_has_the_same_bits_in_a_loop),
         cmocka_unit_test(ideal_gas),
         cmocka_unit_test(murnaghan),
         cmocka_unit_test(any_equation_of_state),
