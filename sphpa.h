@@ -1545,9 +1545,11 @@ typedef struct sphpa_module {
 typedef struct sphpa_scene {
     int modules;
     sphpa_module module[SPHPA_SCENE_MODULES];
+    sphpa_error error; /* of the first module that could not be added */
 } sphpa_scene;
 
-/* ERROR_RANGE when the scene is full or has a module of that name. */
+/* ERROR_RANGE when the scene is full or has a module of that name, or the module more passes or
+   columns than it can hold; sphpa_sim_create of that scene fails with the reason. */
 SPHPA_DEF sphpa_result sphpa_scene_add(sphpa_scene *scene, sphpa_module module);
 
 typedef enum sphpa_integrator {
@@ -6818,13 +6820,25 @@ SPHPA_PRIVATE_ size_t sphpa_block_end_(size_t block, size_t n) {
 /* ---- scenes ---------------------------------------------------------------------------------- */
 
 SPHPA_DEF sphpa_result sphpa_scene_add(sphpa_scene *scene, sphpa_module module) {
-    if (scene->modules >= SPHPA_SCENE_MODULES || module.passes > SPHPA_MODULE_PASSES ||
-        module.columns > SPHPA_MODULE_COLUMNS || module.name == NULL)
-        return SPHPA_ERROR_RANGE;
-    for (int k = 0; k < scene->modules; k++)
-        if (strcmp(scene->module[k].name, module.name) == 0) return SPHPA_ERROR_RANGE;
-    scene->module[scene->modules++] = module;
-    return SPHPA_OK;
+    const char *why = NULL;
+    if (module.name == NULL) why = "it has no name";
+    else if (scene->modules >= SPHPA_SCENE_MODULES) why = "the scene is full; drop a module";
+    else if (module.passes < 0 || module.passes > SPHPA_MODULE_PASSES)
+        why = "its number of passes is out of range; split the module in two";
+    else if (module.columns < 0 || module.columns > SPHPA_MODULE_COLUMNS)
+        why = "its number of columns is out of range; split the module in two";
+    for (int k = 0; why == NULL && k < scene->modules; k++)
+        if (strcmp(scene->module[k].name, module.name) == 0)
+            why = "the scene has one of that name; add it once, or give it another name";
+    if (why == NULL) {
+        scene->module[scene->modules++] = module;
+        return SPHPA_OK;
+    }
+    sphpa_error *err = scene->error.result == SPHPA_OK ? &scene->error : NULL;
+    return sphpa_error_set(err, SPHPA_ERROR_RANGE,
+                           "module \"%.40s\" (%d passes, %d columns): %s",
+                           module.name != NULL ? module.name : "(null)", module.passes,
+                           module.columns, why);
 }
 
 /* how many passes replace the one of that name */
@@ -7047,7 +7061,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_bad_(const sphpa_sim *sim, size_t i, const
         err, SPHPA_ERROR_STATE,
         "%s: %s at t = %.6e s, step %llu, dt = %.3e s: particle %zu (id %lld) at (%.6g, %.6g, "
         "%.6g), v (%.4g, %.4g, %.4g), rho = %.6g, u = %.6g, h = %.4g, P = %.4g, alpha = %.9g; "
-        "resume from the last checkpoint with a smaller --cfl",
+        "try a smaller cfl, from the last checkpoint where there is one",
         where, sphpa_result_message(why), sim->time, (unsigned long long)sim->stats.steps, sim->dt,
         i, (long long)p->id[i], p->x[3 * i], p->x[3 * i + 1], p->x[3 * i + 2],
         (double)p->v[3 * i], (double)p->v[3 * i + 1], (double)p->v[3 * i + 2], p->rho[i], p->u[i],
@@ -7925,6 +7939,10 @@ SPHPA_DEF sphpa_result sphpa_sim_create(sphpa_sim *sim, const sphpa_scene *scene
     if (scene == NULL || scene->modules == 0)
         return sphpa_error_set(err, SPHPA_ERROR_MISSING,
                                "the scene has no modules; add one, such as sphpa_gas(&gas)");
+    if (scene->error.result != SPHPA_OK) {
+        if (err != NULL) *err = scene->error;
+        return scene->error.result;
+    }
     sim->scene = *scene;
     if (options != NULL) sim->options = *options;
     sphpa_result result = sphpa_sim_defaults_(&sim->options, err);

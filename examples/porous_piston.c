@@ -28,6 +28,7 @@ typedef struct piston {
     sphpa_palpha_shock exact;
     front_line main_front, precursor;
     double P, rho, u, alpha; /* behind the shock */
+    double PP;               /* [Pa2] the mean of P^2, for the scatter of single particles */
     int counted;             /* particles that this is the mean of */
     example_progress progress;
     uint64_t updates;
@@ -98,6 +99,7 @@ static void measure_state(const sphpa_sim *sim, piston *p) {
     for (size_t i = 0; i < sim->p.n; i++) {
         if (sim->p.x[3 * i] < 0.4 * front || sim->p.x[3 * i] > 0.7 * front) continue;
         p->P += (double)sim->p.P[i];
+        p->PP += (double)sim->p.P[i] * (double)sim->p.P[i];
         p->rho += sim->p.rho[i];
         p->u += sim->p.u[i];
         p->alpha += sim->p.alpha[i];
@@ -107,6 +109,7 @@ static void measure_state(const sphpa_sim *sim, piston *p) {
         example_fail(1, "no particle is behind the shock at t = %g s; raise --particles",
                      sim->time);
     p->P /= p->counted;
+    p->PP /= p->counted;
     p->rho /= p->counted;
     p->u /= p->counted;
     p->alpha /= p->counted;
@@ -166,7 +169,9 @@ static void print_results(const sphpa_sim *sim, const piston *p, const double l1
     print_line("density [kg/m3]", p->rho, e->rho);
     print_line("energy [J/kg]", p->u, e->u);
     print_line("distention", p->alpha, e->alpha);
-    printf("# state behind the shock: mean of %d particles\n", p->counted);
+    double scatter = sqrt(fmax(0.0, p->PP - p->P * p->P));
+    printf("# state behind the shock: mean of %d particles, whose P scatters by %.1f %% (rms)\n",
+           p->counted, 100.0 * scatter / fabs(p->P));
     printf("# mean |error| of the profile, and its share of the jump\n");
     static const char *const name[5] = {"P [Pa]", "v [m/s]", "rho [kg/m3]", "u [J/kg]", "alpha"};
     const double jump[5] = {e->P, p->v, e->rho, e->u, alpha0 - 1.0};

@@ -7,6 +7,8 @@ try:
     import h5py, numpy as np
 except ImportError as missing:
     sys.exit(f"{missing}; install it: apt install python3-h5py, or pip install h5py")
+if sys.argv[1:2] in (["-h"], ["--help"]):
+    sys.exit(print(__doc__))
 newest = sorted(glob.glob("build/impact/impact_*.hdf"), key=os.path.getmtime)[-1:]
 path = (sys.argv[1:] + newest + [None])[0]
 if path is None or path.startswith("-"):

@@ -26,7 +26,7 @@ typedef struct sample {
 
 typedef struct body_run {
     sample *rows;
-    int count, kept, correction;
+    int count, kept, correction, stopped;
     double momentum, energy; /* at the start */
     const choices *choice;
     example_progress progress;
@@ -128,6 +128,12 @@ static void turn(const choices *c, const sphpa_particles *p, body_run *run) {
     sphpa_result result = sphpa_sim_run(&sim, &how, &err);
     example_progress_end(&run->progress);
     if (result != SPHPA_OK && result != SPHPA_STOPPED) example_fail(1, "%s", err.message);
+    if (result == SPHPA_STOPPED) {
+        run->stopped = 1;
+        fprintf(stderr, "rotating_body: correction %s stopped after %.4f of %g turns; the table "
+                "and the picture hold what there is\n", run->correction ? "on" : "off",
+                sim.time * c->omega / 6.283185307179586, c->turns);
+    }
     if (!c->quiet)
         fprintf(stderr, "correction %s: %llu steps, %.1f neighbours, %zu bytes a particle\n",
                 run->correction ? "on" : "off", (unsigned long long)sim.stats.steps,
@@ -162,7 +168,7 @@ static double mean_stress(const body_run *run, int first, int last) {
 
 /* the body breathes, so growth is that from the first half to the second */
 static void summary(const choices *c, const body_run *run) {
-    if (run->count < 2) return;
+    if (run->count < 2 || run->stopped) return;
     const sample *last = &run->rows[run->count - 1];
     double turns = last->time * c->omega / 6.283185307179586;
     int half = (run->count + 1) / 2;
@@ -242,5 +248,5 @@ int main(int argc, char **argv) {
     draw(&c);
     for (int side = 0; side < 2; side++) free(run[side].rows);
     sphpa_particles_free(&p);
-    return 0;
+    return run[0].stopped || run[1].stopped ? 130 : 0;
 }
