@@ -884,6 +884,31 @@ static void only_marked_passes_run_at_commit(void **state) {
     sphpa_particles_free(&p);
 }
 
+/* a module that cannot be added: the scene keeps the reason of the first, and create tells it */
+static void refused_modules_are_told(void **state) {
+    (void)state;
+    sphpa_particles p = random_set(1, 4, 0.3, 3);
+    for (int kind = 0; kind < 4; kind++) {
+        static const char *const told[4] = {"one of that name", "(99 passes", "(0 passes, -1 col",
+                                            "no name"};
+        sphpa_module module = module_named("mine", NULL);
+        sphpa_scene scene = scene_of(module);
+        if (kind == 1) module.passes = 99, module.name = "other";
+        if (kind == 2) module.columns = -1, module.name = "other";
+        if (kind == 3) module.name = NULL;
+        assert_int_equal(sphpa_scene_add(&scene, module), SPHPA_ERROR_RANGE);
+        module.name = NULL; /* a second refusal does not cover the first */
+        assert_int_equal(sphpa_scene_add(&scene, module), SPHPA_ERROR_RANGE);
+        assert_int_equal(scene.modules, 1);
+        sphpa_sim sim;
+        sphpa_error err;
+        assert_int_equal(sphpa_sim_create(&sim, &scene, &p, NULL, &err), SPHPA_ERROR_RANGE);
+        if (strstr(err.message, told[kind]) == NULL) print_error("%s\n", err.message);
+        assert_non_null(strstr(err.message, told[kind]));
+    }
+    sphpa_particles_free(&p);
+}
+
 /* ---- the length of a step -------------------------------------------------------------------- */
 
 typedef struct limiter {
@@ -1516,6 +1541,7 @@ int main(void) {
         cmocka_unit_test(pairs_at_commit_have_their_neighbours),
         cmocka_unit_test(two_that_meet_find_each_other),
         cmocka_unit_test(only_marked_passes_run_at_commit),
+        cmocka_unit_test(refused_modules_are_told),
         cmocka_unit_test(limits_are_told_by_name),
         cmocka_unit_test(the_force_limits_the_step),
         cmocka_unit_test(bad_limits_and_the_floor_stop_the_run),
