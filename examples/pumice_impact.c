@@ -551,7 +551,8 @@ static void impact_print_fragments(const impact_run *run) {
         printf(change < 0.01 ? "  settled: the last two differ by %.4f\n"
                              : "  NOT SETTLED: the last two differ by %.4f, more than 0.01; give a "
                                "larger --t-end\n", change);
-        const impact_record *first = history->record + (history->count > 5 ? history->count - 5 : 0);
+        const impact_record *first =
+            history->record + (history->count > 5 ? history->count - 5 : 0);
         printf("  over these outputs it went from %.4f to %.4f\n", first->largest, last->largest);
     }
 }
