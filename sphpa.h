@@ -1658,8 +1658,8 @@ SPHPA_DEF sphpa_result sphpa_sim_step(sphpa_sim *sim, double dt_limit, sphpa_err
 
 /* Derived fields at the present state, for output: density, gradients and pressure are those of
    the positions now, not of the middle of the last step. They are there until the next step,
-   settle or checkpoint, which goes on from the ones before: how often a run puts out changes no
-   more than the order of the particles. What is integrated stays as it was, to the bit. */
+   settle or checkpoint, which goes on from the ones before: a refresh changes no more than the
+   order of the particles. What is integrated stays as it was, to the bit. */
 SPHPA_DEF sphpa_result sphpa_sim_refresh(sphpa_sim *sim, sphpa_error *err);
 
 /* Sorts the particles and forgets tree and lists: a run that goes on from here and one that is
@@ -1754,9 +1754,10 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
      (7) R = -eps sigma'/rho^2 in the principal directions under tension, f = W(r)/W(spacing)
    With one grad W for both particles linear momentum is exact; with C angular momentum is not.
    Why w_ij and not the volume m_j/rho_j: (2) must add up to the density that the particles have
-   when a steep front has passed. Without C, p = 1 makes (3) the rate of the sum of m_j W, so it
-   does; with p = 0 a fourfold jump over three particles ends 20 % too dense, and P 40 % too high.
-   With C any weights are exact for linear v; across a jump p = 0 errs one way, p = 1 the other.
+   when a steep front has passed. With p = 0 a fourfold jump over three particles ends 20 % too
+   dense, and P 40 % too high. Without C, p = 1 makes (3) the rate of the sum of m_j W where h does
+   not change. With C any weights are exact for linear v; across a jump p = 0 errs one way, p = 1
+   the other. There the heat of (6) is not quite sigma:L/rho: (5) has m_j C_i/rho_i^2, L has w_ij.
    Why I/s and not I: a particle much thinner than its neighbours counts each of them many times
    (M >> 1); with I it is stretched by as much, gets thinner still, and never comes back.
    References: Benz & Asphaug 1995 (CPC 87); Bonet & Lok 1999 (CMAME 180; correction); Monaghan
@@ -7936,13 +7937,13 @@ SPHPA_DEF sphpa_result sphpa_sim_create(sphpa_sim *sim, const sphpa_scene *scene
     if (initial == NULL || initial->n == 0)
         return sphpa_error_set(err, SPHPA_ERROR_EMPTY,
                                "0 particles; make at least one body before the simulation");
-    if (scene == NULL || scene->modules == 0)
-        return sphpa_error_set(err, SPHPA_ERROR_MISSING,
-                               "the scene has no modules; add one, such as sphpa_gas(&gas)");
-    if (scene->error.result != SPHPA_OK) {
+    if (scene != NULL && scene->error.result != SPHPA_OK) {
         if (err != NULL) *err = scene->error;
         return scene->error.result;
     }
+    if (scene == NULL || scene->modules == 0)
+        return sphpa_error_set(err, SPHPA_ERROR_MISSING,
+                               "the scene has no modules; add one, such as sphpa_gas(&gas)");
     sim->scene = *scene;
     if (options != NULL) sim->options = *options;
     sphpa_result result = sphpa_sim_defaults_(&sim->options, err);
@@ -8511,11 +8512,11 @@ SPHPA_PRIVATE_ sphpa_sym3 sphpa_solid_correction_(const double x[6], double coun
     double a = yy * zz - yz * yz, b = xz * yz - xy * zz, c = xy * yz - xz * yy;
     double det = xx * a + xy * b + xz * c;
     double s = sphpa_max_(1.0, (x[0] + x[1] + x[2]) / dim); /* beyond dim x is 0 */
-    double cube = dim > 2 ? s * s * s : dim > 1 ? s * s : s;
+    double volume = sphpa_kernel_power_(s, dim);
     sphpa_sym3 C = {1.0 / s, 1.0 / s, 1.0 / s, 0.0, 0.0, 0.0};
     *share = 0.0;
-    if (!(det > 0.05 * cube)) return C; /* det(s C) > 20: far outside of what is blended in */
-    *share = sphpa_ramp_(cube / det, 8.0, 5.0) * sphpa_ramp_(count, few[dim], enough[dim]);
+    if (!(det > 0.05 * volume)) return C; /* det(s C) > 20: far outside of what is blended in */
+    *share = sphpa_ramp_(volume / det, 8.0, 5.0) * sphpa_ramp_(count, few[dim], enough[dim]);
     double per = *share / det, rest = (1.0 - *share) / s;
     C.xx = per * a + rest;
     C.yy = per * (xx * zz - xz * xz) + rest;

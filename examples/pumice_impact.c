@@ -543,7 +543,8 @@ static void impact_print_fragments(const impact_run *run) {
         printf("\n");
     }
     printf("\nlargest fragment over the last outputs\n  t [s]        largest   second    dust\n");
-    for (int k = history->count > 5 ? history->count - 5 : 0; k < history->count; k++)
+    int first = history->count > 5 ? history->count - 5 : 0;
+    for (int k = first; k < history->count; k++)
         printf("  %.4e  %8.4f  %8.4f  %8.4f\n", history->record[k].time,
                history->record[k].largest, history->record[k].second, history->record[k].dust);
     if (history->count > 1) {
@@ -551,9 +552,8 @@ static void impact_print_fragments(const impact_run *run) {
         printf(change < 0.01 ? "  settled: the last two differ by %.4f\n"
                              : "  NOT SETTLED: the last two differ by %.4f, more than 0.01; give a "
                                "larger --t-end\n", change);
-        const impact_record *first =
-            history->record + (history->count > 5 ? history->count - 5 : 0);
-        printf("  over these outputs it went from %.4f to %.4f\n", first->largest, last->largest);
+        printf("  over these outputs it went from %.4f to %.4f\n",
+               history->record[first].largest, last->largest);
     }
 }
 

@@ -67,12 +67,17 @@ static sphpa_result output(sphpa_sim *sim, void *user, sphpa_error *err) {
     return SPHPA_OK;
 }
 
+/* how far the body has turned at a time */
+static double turns_at(const choices *c, double time) {
+    return time * c->omega / 6.283185307179586;
+}
+
 static sphpa_result watch(sphpa_sim *sim, void *user, sphpa_error *err) {
     body_run *run = (body_run *)user;
     const choices *c = run->choice;
     (void)err;
-    example_progress_show(&run->progress, sim->time * c->omega / (6.283185307179586 * c->turns),
-                          sim->time, sim->dt, sim->stats.steps, sim->stats.steps * sim->p.n);
+    example_progress_show(&run->progress, turns_at(c, sim->time) / c->turns, sim->time,
+                          sim->dt, sim->stats.steps, sim->stats.steps * sim->p.n);
     return SPHPA_OK;
 }
 
@@ -132,7 +137,7 @@ static void turn(const choices *c, const sphpa_particles *p, body_run *run) {
         run->stopped = 1;
         fprintf(stderr, "rotating_body: correction %s stopped after %.4f of %g turns; the table "
                 "and the picture hold what there is\n", run->correction ? "on" : "off",
-                sim.time * c->omega / 6.283185307179586, c->turns);
+                turns_at(c, sim.time), c->turns);
     }
     if (!c->quiet)
         fprintf(stderr, "correction %s: %llu steps, %.1f neighbours, %zu bytes a particle\n",
@@ -149,7 +154,7 @@ static void table(FILE *to, const choices *c, const body_run run[2]) {
             "S off", "energy off");
     for (int k = 0; k < rows; k++) {
         const body_run *longer = run[0].count == rows ? &run[0] : &run[1];
-        fprintf(to, "%10.4f", longer->rows[k].time * c->omega / 6.283185307179586);
+        fprintf(to, "%10.4f", turns_at(c, longer->rows[k].time));
         for (int side = 0; side < 2; side++)
             if (k < run[side].count)
                 fprintf(to, " %12.8f %12.4e %12.2e", run[side].rows[k].momentum,
@@ -170,7 +175,7 @@ static double mean_stress(const body_run *run, int first, int last) {
 static void summary(const choices *c, const body_run *run) {
     if (run->count < 2 || run->stopped) return;
     const sample *last = &run->rows[run->count - 1];
-    double turns = last->time * c->omega / 6.283185307179586;
+    double turns = turns_at(c, last->time);
     int half = (run->count + 1) / 2;
     double growth = mean_stress(run, half, run->count) - mean_stress(run, 1, half);
     printf("correction %-3s  angular momentum %+.3e a turn, stress %+.3e G a turn\n",

@@ -381,7 +381,8 @@ static void exponential_is_good_to_its_stated_error(void **state) {
         worst = fmax(worst, exp_error_ulp(-750.0 * sphpa_rng_uniform(&rng)));
         worst = fmax(worst, exp_error_ulp(-40.0 * sphpa_rng_uniform(&rng)));
         worst = fmax(worst, exp_error_ulp(-pow(10.0, -20.0 * sphpa_rng_uniform(&rng))));
-        worst = fmax(worst, exp_error_ulp(-708.0 - 38.0 * sphpa_rng_uniform(&rng))); /* subnormal results */
+        /* subnormal results */
+        worst = fmax(worst, exp_error_ulp(-708.0 - 38.0 * sphpa_rng_uniform(&rng)));
     }
     for (int k = 0; k < 1076; k++) /* where k changes, |r| is largest */
         for (int s = -2; s <= 2; s++)
