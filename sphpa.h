@@ -1744,20 +1744,22 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
          L = W + [.. - W M] C with W the rigid rotation of the neighbours: no false strain
      (3) rho = rho_0 exp(-dt div v)          h = h_n exp(dt div v/dim), in [h_min, h_max] h0
      (4) dS/dt = 2 G (edot - tr edot/3 I) + W S - S W, the rotation exact
-     (5) dv_i/dt = sum_j m_j (T_i + T_j - Pi I + f^n (R_i + R_j)) . grad W,  T = sigma' C/rho^2
+     (5) dv_i/dt = sum_j m_j (T_ij + T_ji - Pi I + f^n (R_i + R_j)) . grad W,
+         m_j T_ij = w_ij sigma'_i C_i/rho_i,
          between different bodies (unless `bodies_stick`) and between a broken particle, D = 1, and
-         one that is not (unless `any_neighbour`) T = -max(P, 0)/rho^2 I; a particle with such
-         neighbours has C of the others, for what is not pressure
-     (6) du_i/dt = - sum_j m_j v_ij . (T_i + (-Pi I + f^n (R_i + R_j))/2) . grad W with the
-         time-centred v: the heat is that of the particle's own stress, sigma:L/rho, and the sum
-         over a pair is the work of (5), so total energy is kept to rounding
+         one that is not (unless `any_neighbour`) -max(P, 0) I instead of sigma' C; a particle with
+         such neighbours has C of the others, for what is not pressure
+     (6) du_i/dt = - sum_j m_j v_ij . (T_ij + (-Pi I + f^n (R_i + R_j))/2) . grad W with the
+         time-centred v: with the weights of (2) the heat is that of the particle's own stress,
+         sigma':L/rho, also across a jump of rho, and the sum over a pair is the work of (5), so
+         total energy is kept to rounding
      (7) R = -eps sigma'/rho^2 in the principal directions under tension, f = W(r)/W(spacing)
    With one grad W for both particles linear momentum is exact; with C angular momentum is not.
    Why w_ij and not the volume m_j/rho_j: (2) must add up to the density that the particles have
    when a steep front has passed. With p = 0 a fourfold jump over three particles ends 20 % too
    dense, and P 40 % too high. Without C, p = 1 makes (3) the rate of the sum of m_j W where h does
    not change. With C any weights are exact for linear v; across a jump p = 0 errs one way, p = 1
-   the other. There the heat of (6) is not quite sigma:L/rho: (5) has m_j C_i/rho_i^2, L has w_ij.
+   the other.
    Why I/s and not I: a particle much thinner than its neighbours counts each of them many times
    (M >> 1); with I it is stretched by as much, gets thinner still, and never comes back.
    References: Benz & Asphaug 1995 (CPC 87); Bonet & Lok 1999 (CMAME 180; correction); Monaghan
@@ -8717,8 +8719,9 @@ SPHPA_PRIVATE_ sphpa_result sphpa_solid_stress_(sphpa_sim *sim, void *params, si
 typedef struct sphpa_solid_record_ {
     sphpa_solid_point_ point; /* its v is that of the middle of the kick */
     double v[3];    /* [m/s] of this evaluation */
-    double T[9];    /* sigma' C/rho^2 */
-    double push;    /* max(P, 0)/rho^2, all that passes between bodies */
+    double T[9];    /* sigma' C/rho^(1+p), p of (2) */
+    double push;    /* max(P, 0)/rho^(1+p), all that passes between bodies */
+    double share;   /* rho^(p-1), that T of a neighbour is multiplied by */
     double m, c, f; /* [kg]; [m/s] of the viscosity; Balsara's factor, 1 without */
     double R[6];    /* artificial stress over rho^2 */
 } sphpa_solid_record_;
@@ -8738,8 +8741,10 @@ SPHPA_PRIVATE_ void sphpa_solid_artificial_(const sphpa_sym3 *sigma, double scal
 SPHPA_PRIVATE_ void sphpa_solid_pack_one_(const sphpa_sim *sim, const sphpa_solid_params *solid,
                                           size_t i, sphpa_solid_record_ *record) {
     const sphpa_particles *p = &sim->p;
-    double rho = p->rho[i], per_rho2 = 1.0 / (rho * rho), P = (double)p->P[i];
+    double rho = p->rho[i], P = (double)p->P[i];
     sphpa_solid_point_of_(p, solid, i, rho, &record->point);
+    double per = 1.0 / (rho * record->point.root);
+    record->share = record->point.root / rho;
     double whole = 1.0 - record->point.D;
     sphpa_sym3 sigma = sphpa_sym3_load_(p->S + 6 * i), C = {1.0, 1.0, 1.0, 0.0, 0.0, 0.0};
     double shear = solid->damage_in_yield ? 1.0 : whole, pressure = P < 0.0 ? whole * P : P;
@@ -8749,13 +8754,13 @@ SPHPA_PRIVATE_ void sphpa_solid_pack_one_(const sphpa_sim *sim, const sphpa_soli
     sigma.xy *= shear, sigma.yz *= shear, sigma.xz *= shear;
     for (int k = 0; k < 6; k++) record->R[k] = 0.0;
     if (solid->artificial_stress > 0.0)
-        sphpa_solid_artificial_(&sigma, solid->artificial_stress * per_rho2, record->R);
-    record->push = sphpa_max_(P, 0.0) * per_rho2;
+        sphpa_solid_artificial_(&sigma, solid->artificial_stress / (rho * rho), record->R);
+    record->push = sphpa_max_(P, 0.0) * per;
     /* C of a particle at a cut knows one side only; pressure acts across, and goes without it */
     double across = p->cut[i] > 0 ? record->push : 0.0;
-    const double A[9] = {per_rho2 * sigma.xx + across, per_rho2 * sigma.xy, per_rho2 * sigma.xz,
-                         per_rho2 * sigma.xy, per_rho2 * sigma.yy + across, per_rho2 * sigma.yz,
-                         per_rho2 * sigma.xz, per_rho2 * sigma.yz, per_rho2 * sigma.zz + across};
+    const double A[9] = {per * sigma.xx + across, per * sigma.xy, per * sigma.xz,
+                         per * sigma.xy, per * sigma.yy + across, per * sigma.yz,
+                         per * sigma.xz, per * sigma.yz, per * sigma.zz + across};
     if (p->C != NULL) C = sphpa_sym3_load_(p->C + 6 * i);
     sphpa_solid_times_(A, &C, record->T);
     for (size_t a = 0; a < 9; a += 4) record->T[a] -= across;
@@ -8781,6 +8786,7 @@ typedef struct sphpa_solid_pair_ {
     double h;           /* [m] of i */
     double per_W, exponent; /* 1/W(spacing) of i; n of (5), 0: no artificial stress */
     bool stick; /* between bodies */
+    bool by_volume; /* weights of (2) between bodies */
     bool any;   /* broken neighbours count as whole ones */
 } sphpa_solid_pair_;
 
@@ -8792,6 +8798,7 @@ SPHPA_PRIVATE_ sphpa_solid_pair_ sphpa_solid_pair_of_(const sphpa_sim *sim,
     pair.h = (double)sim->p.h[i];
     pair.per_W = pair.exponent = 0.0;
     pair.stick = solid->bodies_stick != 0;
+    pair.by_volume = !solid->correction;
     pair.any = solid->any_neighbour != 0;
     if (solid->artificial_stress > 0.0) {
         double spacing = solid->spacing > 0.0 ? solid->spacing : 1.0 / 1.2;
@@ -8849,13 +8856,21 @@ SPHPA_FORCE_INLINE_ void sphpa_solid_shared_(const sphpa_solid_pair_ *pair,
     }
 }
 
-/* T.x of one particle of the pair */
-SPHPA_FORCE_INLINE_ void sphpa_solid_own_(const sphpa_solid_record_ *i, bool same, double x,
-                                          double y, double z, double out[3]) {
-    if (same)
+/* what i adds to the pair's force, T_i.x rho_j^(p-1): with w_ij of (2) its heat is sigma':L/rho */
+SPHPA_FORCE_INLINE_ void sphpa_solid_own_(const sphpa_solid_pair_ *pair,
+                                          const sphpa_solid_record_ *i,
+                                          const sphpa_solid_record_ *j, double x, double y,
+                                          double z, double out[3]) {
+    double share = j->share;
+    if (pair->by_volume && i->point.body != j->point.body) share = i->point.rho / j->point.rho;
+    if (sphpa_solid_joined_(pair, i, j)) {
+        x *= share, y *= share, z *= share;
         for (int a = 0; a < 3; a++)
             out[a] = i->T[3 * a] * x + i->T[3 * a + 1] * y + i->T[3 * a + 2] * z;
-    else out[0] = -i->push * x, out[1] = -i->push * y, out[2] = -i->push * z;
+        return;
+    }
+    double push = -i->push * share;
+    out[0] = push * x, out[1] = push * y, out[2] = push * z;
 }
 
 SPHPA_PRIVATE_ void sphpa_solid_forces_(sphpa_sim *sim, void *params,
@@ -8872,10 +8887,9 @@ SPHPA_PRIVATE_ void sphpa_solid_forces_(sphpa_sim *sim, void *params,
         const sphpa_solid_record_ *other = records + near->j[k];
         double g = 0.5 * other->m * (gi[k] + gj[k]);
         double x = near->dx[k], y = near->dy[k], z = near->dz[k];
-        bool same = sphpa_solid_joined_(&pair, own, other);
         sphpa_solid_shared_(&pair, own, other, near, close, k, shared, &mu);
-        sphpa_solid_own_(own, same, x, y, z, mine);
-        sphpa_solid_own_(other, same, x, y, z, theirs);
+        sphpa_solid_own_(&pair, own, other, x, y, z, mine);
+        sphpa_solid_own_(&pair, other, own, x, y, z, theirs);
         for (int a = 0; a < 3; a++) sum[a] += g * (mine[a] + theirs[a] + shared[a]);
         mu_max = sphpa_max_(mu_max, -mu);
     }
@@ -8903,7 +8917,7 @@ SPHPA_PRIVATE_ void sphpa_solid_energy_(sphpa_sim *sim, void *params,
         const double *v = own->point.v, *w = other->point.v;
         double g = 0.5 * (gi[k] + gj[k]), dx = near->dx[k], dy = near->dy[k], dz = near->dz[k];
         sphpa_solid_shared_(&pair, own, other, near, close, k, shared, &mu);
-        sphpa_solid_own_(own, sphpa_solid_joined_(&pair, own, other), dx, dy, dz, mine);
+        sphpa_solid_own_(&pair, own, other, dx, dy, dz, mine);
         for (int a = 0; a < 3; a++)
             sum += g * other->m * (w[a] - v[a]) * (mine[a] + 0.5 * shared[a]);
         sphpa_solid_gather_(solid, &own->point, &other->point, per_root, g, dx, dy, dz, &rates);

@@ -601,6 +601,75 @@ static void pressed_block_cools(void **state) {
     sphpa_particles_free(&p);
 }
 
+/* Two densities, 1 and 4, at one pressure and strained alike: every particle is heated by P div v of
+   its own, -P div v/rho, on both sides of the jump. Halves of one body, or two bodies. */
+static void heat_at_a_jump(int dim, int correction, int bodies) {
+    sphpa_particles p = set_of(dim);
+    sphpa_body body = body_of(dim == 3 ? 0.2 : 0.1);
+    add_box(&p, -1.0, -1.0, -1.0, 1.0, 1.0, 1.0, &body);
+    jitter(&p, 0.1, 3);
+    for (size_t i = 0; i < p.n; i++) {
+        double factor = p.x[3 * i] > 0.0 ? 4.0 : 1.0;
+        p.material[i] = factor > 1.0;
+        p.body[i] = bodies > 1 ? p.material[i] : 0;
+        p.rho[i] = 1.1 * factor; /* P = 0.1 */
+        p.m[i] = (sphpa_real)((double)p.m[i] * factor);
+    }
+    double L[9];
+    memset(L, 0, sizeof L);
+    for (int a = 0; a < dim; a++) L[4 * a] = -0.1 * (a + 1);
+    set_linear_velocity(&p, L);
+    sphpa_murnaghan rubber[2];
+    sphpa_solid_material material[2];
+    sphpa_solid_params solid;
+    sphpa_sim_options options;
+    sphpa_scene scene;
+    sphpa_sim sim;
+    sphpa_error err;
+    memset(rubber, 0, sizeof rubber);
+    memset(material, 0, sizeof material);
+    memset(&solid, 0, sizeof solid);
+    memset(&options, 0, sizeof options);
+    memset(&scene, 0, sizeof scene);
+    for (int k = 0; k < 2; k++) {
+        rubber[k].rho0 = k ? 4.0 : 1.0;
+        rubber[k].K = rubber[k].n = 1.0;
+        material[k].eos = sphpa_murnaghan_eos(&rubber[k]);
+    }
+    solid.material = material;
+    solid.materials = 2;
+    solid.correction = correction;
+    solid.viscosity.a = solid.viscosity.b = -1.0;
+    assert_int_equal(sphpa_scene_add(&scene, sphpa_solid(&solid)), SPHPA_OK);
+    ok(sphpa_sim_create(&sim, &scene, &p, &options, &err), &err);
+    step(&sim, 1e-9); /* rates are those of a step; this one moves nothing */
+    int across = 0;
+    for (size_t i = 0; i < sim.p.n; i++) {
+        double heat = -0.1 * (double)sim.p.div_v[i] / sim.p.rho[i];
+        assert_near((double)sim.p.du[i], heat, FINE(1e-8, 1e-3));
+        across += fabs(sim.p.x[3 * i]) < 1.2 * (double)sim.p.h[i];
+    }
+    assert_true(across > 1);
+    double work = 0.0, heat = 0.0;
+    for (size_t i = 0; i < sim.p.n; i++) {
+        heat += (double)sim.p.m[i] * (double)sim.p.du[i];
+        for (size_t a = 0; a < 3; a++)
+            work += (double)sim.p.m[i] * (double)sim.p.a[3 * i + a] * (double)sim.p.v[3 * i + a];
+    }
+    assert_near(heat, -work, FINE(1e-8, 1e-4));
+    sphpa_sim_free(&sim);
+    sphpa_particles_free(&p);
+}
+
+static void heat_is_that_of_the_own_stress(void **state) {
+    (void)state;
+    for (int dim = 1; dim <= 3; dim++) {
+        heat_at_a_jump(dim, 1, 1);
+        heat_at_a_jump(dim, 0, 1);
+        heat_at_a_jump(dim, 0, 2);
+    }
+}
+
 /* ---- rotation ----------------------------------------------------------------------------------- */
 
 typedef struct rotation {
@@ -1082,6 +1151,7 @@ int main(void) {
         cmocka_unit_test(unstressed_body_rests),
         cmocka_unit_test(collision_conserves),
         cmocka_unit_test(pressed_block_cools),
+        cmocka_unit_test(heat_is_that_of_the_own_stress),
         cmocka_unit_test(rotation_has_no_strain_rate),
         cmocka_unit_test(rotation_is_not_strain),
         cmocka_unit_test(bodies_do_not_glue),
