@@ -1613,8 +1613,8 @@ typedef struct sphpa_stats {
     double u_deficit; /* [J] sum of m max(-u, 0) */
     double u_least;   /* [J/kg] the smallest u */
     uint64_t u_below; /* particles with u < 0 */
-    size_t u_particle; /* the one with the smallest u */
-    size_t limit_particle;  /* the one that set the last step */
+    int64_t u_id;     /* id of the one with the smallest u */
+    int64_t limit_id; /* id of the one that set the last step */
     int limit_last;         /* its place in limit[] */
     int timings, limits;    /* in use */
     sphpa_timing timing[SPHPA_TIMINGS];
@@ -7557,7 +7557,7 @@ SPHPA_PRIVATE_ size_t sphpa_sim_finish_(sphpa_sim *sim) {
         stats->u_deficit += below[0];
         stats->u_below += (uint64_t)below[1];
         if (below[2] < stats->u_least)
-            stats->u_least = below[2], stats->u_particle = (size_t)below[3];
+            stats->u_least = below[2], stats->u_id = sim->p.id[(size_t)below[3]];
         if (work->block_bad[block] < bad) bad = work->block_bad[block];
     }
     sphpa_sim_wrap_(sim);
@@ -7643,7 +7643,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_limit_(sphpa_sim *sim, sphpa_error *err) {
         least = options->dt_growth * sim->dt_free, which = SPHPA_LIMIT_GROWTH_;
     if (options->dt_fixed > 0.0) least = options->dt_fixed, which = SPHPA_LIMIT_MAX_;
     stats->limit_last = which;
-    stats->limit_particle = who;
+    stats->limit_id = sim->p.id[who];
     if (!(least > 0.0) || (least == HUGE_VAL)) {
         char where[120];
         snprintf(where, sizeof where, "no usable time step, %g s by the limit \"%.60s\"", least,
@@ -7703,16 +7703,18 @@ SPHPA_PRIVATE_ bool sphpa_sim_shown_(const sphpa_sim *sim, int k) {
         return column < sim->p.columns && sim->p.column[column].role == SPHPA_ROLE_DERIVED;
     if (k >= fields || sphpa_has_(sim->p.start_fields, k)) return false;
     for (int pass = 0; pass < sim->passes; pass++)
-        if ((int)sim->pass[pass]->stage >= (int)SPHPA_STAGE_GRADIENTS &&
+        if ((int)sim->pass[pass]->stage >= (int)SPHPA_STAGE_DENSITY &&
             (int)sim->pass[pass]->stage <= (int)SPHPA_STAGE_DAMAGE &&
             sphpa_has_(sim->pass[pass]->writes, k))
             return true;
     return false;
 }
 
-/* all that is shown into work->kept, or back from there */
+/* all that is shown into work->kept, or back from there; the ids come first */
 SPHPA_PRIVATE_ void sphpa_sim_keep_shown_(sphpa_sim *sim, bool back) {
-    char *at = sim->work->kept;
+    size_t ids = sim->p.n * sizeof(int64_t);
+    char *at = sim->work->kept + ids;
+    if (!back) memcpy(sim->work->kept, sim->p.id, ids);
     for (int k = 0; k < SPHPA_ARRAYS_; k++) {
         if (!sphpa_sim_shown_(sim, k)) continue;
         sphpa_array_ array = sphpa_particles_array_(&sim->p, k);
@@ -7726,15 +7728,17 @@ SPHPA_PRIVATE_ void sphpa_sim_keep_shown_(sphpa_sim *sim, bool back) {
 }
 
 /* An output must not change the run: what a refresh put in place of the values that the next step
-   predicts with goes back before anything else happens. */
+   predicts with goes back before anything else happens, unless someone moved the particles. */
 SPHPA_PRIVATE_ void sphpa_sim_unrefresh_(sphpa_sim *sim) {
-    if (sim->work->kept_n > 0 && sim->work->kept_n == sim->p.n) sphpa_sim_keep_shown_(sim, true);
+    size_t n = sim->work->kept_n;
+    if (n > 0 && n == sim->p.n && memcmp(sim->work->kept, sim->p.id, n * sizeof(int64_t)) == 0)
+        sphpa_sim_keep_shown_(sim, true);
     sim->work->kept_n = 0;
 }
 
 SPHPA_PRIVATE_ sphpa_result sphpa_sim_keep_(sphpa_sim *sim, sphpa_error *err) {
     struct sphpa_work *work = sim->work;
-    size_t each = 0;
+    size_t each = sizeof(int64_t);
     for (int k = 0; k < SPHPA_ARRAYS_; k++)
         if (sphpa_sim_shown_(sim, k)) each += sphpa_particles_array_(&sim->p, k).bytes;
     if (!sphpa_grow_((void **)&work->kept, &work->kept_bytes, sim->p.n * each + 1, 1))
@@ -7755,7 +7759,9 @@ SPHPA_DEF sphpa_result sphpa_sim_step(sphpa_sim *sim, double dt_limit, sphpa_err
     if (result != SPHPA_OK) return result;
     bool cut = dt_limit < sim->dt_next;
     if (!cut && sim->dt_next < sphpa_sim_floor_(sim)) {
-        (void)sphpa_sim_bad_(sim, sim->stats.limit_particle, "time step below its floor",
+        size_t who = sim->p.n - 1;
+        while (who > 0 && sim->p.id[who] != sim->stats.limit_id) who--;
+        (void)sphpa_sim_bad_(sim, who, "time step below its floor",
                              SPHPA_ERROR_RANGE, err);
         return SPHPA_ERROR_STATE;
     }
@@ -7778,8 +7784,9 @@ SPHPA_DEF sphpa_result sphpa_sim_refresh(sphpa_sim *sim, sphpa_error *err) {
     double dt = sim->dt;
     sphpa_sim_copy_start_(sim, false);
     sim->dt = sim->dt_stage = 0.0;
-    sphpa_result result = sphpa_sim_density_(sim, err);
+    sphpa_result result = sphpa_sim_neighbours_(sim, err);
     if (result == SPHPA_OK) result = sphpa_sim_keep_(sim, err);
+    if (result == SPHPA_OK) result = sphpa_sim_density_(sim, err);
     for (int stage = SPHPA_STAGE_GRADIENTS; stage <= (int)SPHPA_STAGE_DAMAGE; stage++)
         if (result == SPHPA_OK) result = sphpa_sim_stage_(sim, (sphpa_stage)stage, false, err);
     sphpa_sim_copy_start_(sim, true); /* to the bit, whatever a solver made of a step of 0 */
@@ -11023,7 +11030,7 @@ SPHPA_EXTERN_C_END_
 
 SPHPA_EXTERN_C_BEGIN_
 
-enum { SPHPA_CHECKPOINT_FORMAT_ = 2 }; /* what lies under /sphpa, and how */
+enum { SPHPA_CHECKPOINT_FORMAT_ = 3 }; /* what lies under /sphpa, and how */
 
 /* ---- whole files ----------------------------------------------------------------------------- */
 
@@ -11761,7 +11768,7 @@ SPHPA_PRIVATE_ void sphpa_h5_read_blocks_(sphpa_h5_ *h5, const char *path, sphpa
 typedef struct sphpa_restart_ {
     int32_t format, real_bytes, dim, started, kernel, integrator, limit_last, timings, limits;
     int32_t periodic[3];
-    int64_t n, next_id, limit_particle;
+    int64_t n, next_id, ids[2]; /* ids: limit_id, u_id */
     uint64_t counts[4];         /* steps, evaluations, rebuilds, u_below */
     double clock[5];            /* [s] time, dt, dt_next, dt_first, dt_free */
     double means[3];            /* neighbours_mean, u_deficit, u_least */
@@ -11786,7 +11793,8 @@ SPHPA_PRIVATE_ void sphpa_restart_of_(const sphpa_sim *sim, sphpa_restart_ *r) {
     r->limits = s->limits;
     r->n = (int64_t)sim->p.n;
     r->next_id = sim->p.next_id;
-    r->limit_particle = (int64_t)s->limit_particle;
+    r->ids[0] = s->limit_id;
+    r->ids[1] = s->u_id;
     uint64_t counts[4] = {s->steps, s->evaluations, s->rebuilds, s->u_below};
     double clock[5] = {sim->time, sim->dt, sim->dt_next, sim->dt_first, sim->dt_free};
     double control[7] = {o->cfl,       o->force_cfl, o->dt_max, o->dt_min,
@@ -11824,7 +11832,7 @@ SPHPA_PRIVATE_ void sphpa_h5_restart_(sphpa_h5_ *h5, hid_t at, sphpa_restart_ *r
     sphpa_h5_numbers_(h5, at, "cfl, force_cfl, dt_max, dt_min, dt_growth, dt_fixed, skin", real, 7,
                       r->control);
     sphpa_h5_numbers_(h5, at, "last limit", i32, 1, &r->limit_last);
-    sphpa_h5_numbers_(h5, at, "last limit's particle", i64, 1, &r->limit_particle);
+    sphpa_h5_numbers_(h5, at, "ids of the last limit, of the least u", i64, 2, r->ids);
     sphpa_h5_numbers_(h5, at, "seconds", real, (size_t)r->timings, r->seconds);
     sphpa_h5_numbers_(h5, at, "calls", u64, (size_t)r->timings, r->calls);
     sphpa_h5_numbers_(h5, at, "steps by limit", u64, (size_t)r->limits, r->limit_steps);
@@ -12374,7 +12382,8 @@ SPHPA_PRIVATE_ void sphpa_restart_apply_(const sphpa_restart_ *r, sphpa_sim *sim
     s->u_deficit = r->means[1];
     s->u_least = r->means[2];
     s->limit_last = r->limit_last;
-    s->limit_particle = (size_t)r->limit_particle;
+    s->limit_id = r->ids[0];
+    s->u_id = r->ids[1];
     for (int k = 0; k < s->timings; k++)
         s->timing[k].seconds = r->seconds[k], s->timing[k].calls = r->calls[k];
     for (int k = 0; k < s->limits; k++) s->limit[k].steps = r->limit_steps[k];

@@ -576,7 +576,7 @@ static void impact_print_energy(const impact_run *run, const sphpa_totals *now) 
            100.0 * nylon / now->energy, 100.0 * lost / now->energy, count);
     if (stats->u_below > 0)
         printf("  the least u is %.3g J/kg, of particle %lld\n", stats->u_least,
-               (long long)p->id[stats->u_particle]);
+               (long long)stats->u_id);
 }
 
 static void impact_print_conservation(const impact_run *run) {

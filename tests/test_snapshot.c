@@ -203,7 +203,8 @@ static void assert_same_bits(const sphpa_sim *a, const sphpa_sim *b) {
     assert_int_equal(s->rebuilds, t->rebuilds);
     assert_int_equal(s->u_below, t->u_below);
     assert_int_equal(s->limit_last, t->limit_last);
-    assert_int_equal(s->limit_particle, t->limit_particle);
+    assert_int_equal(s->limit_id, t->limit_id);
+    assert_int_equal(s->u_id, t->u_id);
     assert_memory_equal(&s->u_deficit, &t->u_deficit, sizeof(double));
     assert_memory_equal(&s->u_least, &t->u_least, sizeof(double));
     assert_memory_equal(&s->neighbours_mean, &t->neighbours_mean, sizeof(double));

@@ -943,7 +943,7 @@ static void limits_are_told_by_name(void **state) {
     sim_steps(sim, 1);
     assert_true(sim->dt == 0.25);
     assert_string_equal(stats->limit[stats->limit_last].name, "mine");
-    assert_int_equal(sim->p.id[stats->limit_particle], 700);
+    assert_int_equal(stats->limit_id, 700);
     assert_int_equal(stats->limit[stats->limit_last].steps, 1);
     l.special = 10.0; /* set free: first by growth, then by the others' */
     sim_steps(sim, 1);
@@ -1189,6 +1189,62 @@ static void outputs_leave_no_trace(void **state) {
         assert_true(watched->p.P[i] == plain->p.P[index_of(plain, watched->p.id[i])]);
     sim_drop(plain);
     sim_drop(watched);
+    sphpa_particles_free(&p);
+}
+
+/* particles that someone moves between a refresh and the next step keep their own values: P follows
+   x here, and the neighbour's would be far off */
+static void moved_after_a_refresh(void **state) {
+    (void)state;
+    sphpa_module module = module_named("memory", NULL);
+    add_pass(&module, "memory", SPHPA_STAGE_PRESSURE, SPHPA_F(x), SPHPA_F(P))->particle = remember;
+    sphpa_scene scene = scene_of(module);
+    sphpa_particles p = random_set(2, 600, 0.1, 31);
+    memset(p.v, 0, 3 * p.n * sizeof(sphpa_real));
+    sphpa_sim_options options = options_of(1e-6);
+    sphpa_sim *sim = sim_of(&scene, &p, &options);
+    sim_steps(sim, 40); /* P is x */
+    assert_int_equal(sphpa_sim_refresh(sim, NULL), SPHPA_OK);
+    uint32_t order[600];
+    for (uint32_t i = 0; i < 600; i++) order[i] = 599 - i;
+    assert_int_equal(sphpa_particles_permute(&sim->p, order, NULL), SPHPA_OK);
+    assert_int_equal(sphpa_sim_settle(sim, NULL), SPHPA_OK);
+    for (size_t i = 0; i < sim->p.n; i++)
+        assert_near_abs((double)sim->p.P[i], sim->p.x[3 * i], 1e-6);
+    sim_drop(sim);
+    sphpa_particles_free(&p);
+}
+
+/* u of one particle falls; the statistics name it by its id, wherever sorting puts it */
+static sphpa_result cool(sphpa_sim *sim, void *params, size_t first, size_t last, size_t *bad) {
+    (void)bad;
+    for (size_t i = first; i < last; i++)
+        sim->p.du[i] = (sphpa_real)(sim->p.id[i] == *(const int64_t *)params ? -1.0 : 1.0);
+    return SPHPA_OK;
+}
+
+static void the_least_u_is_named(void **state) {
+    (void)state;
+    int64_t who = 417;
+    sphpa_module module = module_named("cooler", &who);
+    add_pass(&module, "cool", SPHPA_STAGE_ENERGY, 0, SPHPA_F(du))->particle = cool;
+    sphpa_scene scene = scene_of(module);
+    sphpa_particles p = random_set(2, 600, 0.1, 31);
+    for (size_t i = 0; i < p.n; i++) p.u[i] = 0.25;
+    sphpa_sim_options options = options_of(0.125);
+    sphpa_sim *sim = sim_of(&scene, &p, &options);
+    for (int k = 1; k < 5; k++) {
+        sim_steps(sim, 1);
+        assert_int_equal(sphpa_sim_settle(sim, NULL), SPHPA_OK); /* sorted */
+        size_t i = index_of(sim, who);
+        assert_int_equal(sim->stats.u_id, who);
+        assert_true(sim->stats.u_least == 0.25 - 0.125 * k);
+        assert_true(sim->stats.u_least == sim->p.u[i]);
+        assert_int_equal(sim->stats.u_below, k > 2 ? 1 : 0);
+        assert_near_abs(sim->stats.u_deficit,
+                        fmax(0.0, -sim->stats.u_least) * (double)sim->p.m[i], 1e-15);
+    }
+    sim_drop(sim);
     sphpa_particles_free(&p);
 }
 
@@ -1550,6 +1606,8 @@ int main(void) {
         cmocka_unit_test(a_run_stops_when_told),
         cmocka_unit_test(refresh_leaves_the_state_alone),
         cmocka_unit_test(outputs_leave_no_trace),
+        cmocka_unit_test(moved_after_a_refresh),
+        cmocka_unit_test(the_least_u_is_named),
         cmocka_unit_test(a_bad_state_stops_the_run),
         cmocka_unit_test(bad_starts_are_refused),
         cmocka_unit_test(modules_are_set_up_and_torn_down_once),
