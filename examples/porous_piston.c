@@ -219,7 +219,7 @@ int main(int argc, char **argv) {
                        &kernel, "of the smoothing"),
         example_choice("integrator", "pc|rk2", &integrator, "predictor-corrector or Runge-Kutta"),
         example_vector("viscosity", "a,b", viscosity, 2,
-                       "linear (with the matrix's wave speed: 0.1 below 200 m/s) and quadratic"),
+                       "linear and quadratic (the impact has 1,3)"),
         example_switch("correction", &correction, "kernel-gradient correction"),
         example_number("cfl", "C", &cfl, 1e-3, 1.0, "time step over the Courant limit"),
         example_number("t-end", "s", &t_end, 0.0, 1e3, "0: the first wave has crossed 85 %"),
