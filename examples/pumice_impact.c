@@ -508,8 +508,8 @@ static void impact_print_assumptions(const impact_run *run) {
            s->weibull_k, s->weibull_m, s->seed);
     printf("  nylon in tension   at most %g Pa; it has no flaws here\n", s->tension);
     printf("  nylon that spreads keeps neighbours until h is %g times its first\n", s->spread);
-    printf("  viscosity          a = %g, b = %g, with the speed of the elastic wave; where pores begin "
-           "to\n                     close nearer to that of the crushing wave\n", s->viscosity[0],
+    printf("  viscosity          a = %g, b = %g, with the speed of the elastic wave; where pores "
+           "begin\n                     to close nearer to that of the crushing wave\n", s->viscosity[0],
            s->viscosity[1]);
     printf("  between the bodies no tension, no shear; half a spacing at the start\n");
     printf("  fragments          linking length %g supports, particles with D < %g\n",

@@ -1165,12 +1165,16 @@ static sphpa_result remember(sphpa_sim *sim, void *params, size_t first, size_t 
     return SPHPA_OK;
 }
 
+static sphpa_scene memory_scene(void) {
+    sphpa_module module = module_named("memory", NULL);
+    add_pass(&module, "memory", SPHPA_STAGE_PRESSURE, SPHPA_F(x), SPHPA_F(P))->particle = remember;
+    return scene_of(module);
+}
+
 /* the same bits however often a run puts out */
 static void outputs_leave_no_trace(void **state) {
     (void)state;
-    sphpa_module module = module_named("memory", NULL);
-    add_pass(&module, "memory", SPHPA_STAGE_PRESSURE, SPHPA_F(x), SPHPA_F(P))->particle = remember;
-    sphpa_scene scene = scene_of(module);
+    sphpa_scene scene = memory_scene();
     sphpa_particles p = random_set(2, 600, 0.1, 31);
     sphpa_sim_options options = options_of(0.01);
     sphpa_sim *plain = sim_of(&scene, &p, &options), *watched = sim_of(&scene, &p, &options);
@@ -1196,9 +1200,7 @@ static void outputs_leave_no_trace(void **state) {
    x here, and the neighbour's would be far off */
 static void moved_after_a_refresh(void **state) {
     (void)state;
-    sphpa_module module = module_named("memory", NULL);
-    add_pass(&module, "memory", SPHPA_STAGE_PRESSURE, SPHPA_F(x), SPHPA_F(P))->particle = remember;
-    sphpa_scene scene = scene_of(module);
+    sphpa_scene scene = memory_scene();
     sphpa_particles p = random_set(2, 600, 0.1, 31);
     memset(p.v, 0, 3 * p.n * sizeof(sphpa_real));
     sphpa_sim_options options = options_of(1e-6);
