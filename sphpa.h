@@ -1724,7 +1724,7 @@ typedef struct sphpa_gas_params {
 
 /* Density, pressure, forces, energy, and Balsara's switch if viscosity.balsara is set when this is
    called. The parameters must outlive the simulation. Its setup: ERROR_MISSING (no equation of
-   state), ERROR_RANGE (a particle's material). */
+   state), ERROR_NOT_FINITE and _RANGE (a parameter, a particle's material). */
 SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
 
 /* ================================================================================================
@@ -1797,7 +1797,8 @@ typedef struct sphpa_solid_params {
 /* The module; *params and what it points to must outlive the simulation. Bodies feel each other
    through the kernel, at about its support. The default viscosity heats also where bodies bounce:
    set its a and b to -1 for a purely elastic one. At creation: ERROR_MISSING (no materials),
-   ERROR_MATERIAL (no equation of state, G < 0), ERROR_RANGE (a particle's material). */
+   ERROR_MATERIAL (no equation of state, G < 0, h_max below h_min), ERROR_NOT_FINITE and _RANGE (a
+   parameter, a particle's material). */
 SPHPA_DEF sphpa_module sphpa_solid(sphpa_solid_params *params);
 
 /* ================================================================================================
@@ -7834,27 +7835,43 @@ SPHPA_DEF sphpa_result sphpa_sim_run(sphpa_sim *sim, const sphpa_run *run, sphpa
 
 /* ---- creation -------------------------------------------------------------------------------- */
 
-/* what is 0 or negative becomes the default */
+/* A parameter whose 0 means a default, or none. */
+typedef struct sphpa_number_ {
+    const char *name;
+    double value;
+} sphpa_number_;
+
+/* each must be finite, and not negative; `who` begins the message */
+SPHPA_PRIVATE_ sphpa_result sphpa_numbers_check_(const char *who, const sphpa_number_ *all,
+                                                 int count, sphpa_error *err) {
+    for (int k = 0; k < count; k++)
+        if (!(all[k].value >= 0.0 && sphpa_finite_(all[k].value)))
+            return sphpa_error_set(
+                err, sphpa_finite_(all[k].value) ? SPHPA_ERROR_RANGE : SPHPA_ERROR_NOT_FINITE,
+                "%s: %s = %g; give a positive number, or 0 for the default", who, all[k].name,
+                all[k].value);
+    return SPHPA_OK;
+}
+
+/* what is 0 becomes the default */
 SPHPA_PRIVATE_ sphpa_result sphpa_sim_defaults_(sphpa_sim_options *options, sphpa_error *err) {
-    const double all[7] = {options->cfl,       options->force_cfl, options->dt_max, options->dt_min,
-                           options->dt_growth, options->dt_fixed,  options->skin};
-    static const char *const names[7] = {"cfl",       "force_cfl", "dt_max", "dt_min",
-                                         "dt_growth", "dt_fixed",  "skin"};
-    for (int k = 0; k < 7; k++)
-        if (!sphpa_finite_(all[k]))
-            return sphpa_error_set(err, SPHPA_ERROR_NOT_FINITE,
-                                   "option %s = %g; give a finite number, or 0 for the default",
-                                   names[k], all[k]);
+    const sphpa_number_ all[7] = {
+        {"cfl", options->cfl},       {"force_cfl", options->force_cfl},
+        {"dt_max", options->dt_max}, {"dt_min", options->dt_min},
+        {"skin", options->skin},     {"dt_growth", options->dt_growth},
+        {"dt_fixed", options->dt_fixed}};
+    sphpa_result result = sphpa_numbers_check_("option", all, 7, err);
+    if (result != SPHPA_OK) return result;
     if ((int)options->kernel < 0 || options->kernel >= SPHPA_KERNEL_COUNT)
         return sphpa_error_set(err, SPHPA_ERROR_UNKNOWN, "kernel %d; there are 0 to %d",
                                (int)options->kernel, (int)SPHPA_KERNEL_COUNT - 1);
     if (options->integrator != SPHPA_PREDICTOR_CORRECTOR && options->integrator != SPHPA_RK2)
         return sphpa_error_set(err, SPHPA_ERROR_UNKNOWN, "integrator %d; there are 0 and 1",
                                (int)options->integrator);
-    if (options->cfl <= 0.0) options->cfl = 0.3;
-    if (options->force_cfl <= 0.0) options->force_cfl = 0.2;
-    if (options->dt_growth <= 0.0) options->dt_growth = 1.25;
-    if (options->skin <= 0.0) options->skin = 0.1;
+    if (options->cfl == 0.0) options->cfl = 0.3;
+    if (options->force_cfl == 0.0) options->force_cfl = 0.2;
+    if (options->dt_growth == 0.0) options->dt_growth = 1.25;
+    if (options->skin == 0.0) options->skin = 0.1;
     return SPHPA_OK;
 }
 
@@ -8120,6 +8137,14 @@ SPHPA_PRIVATE_ double sphpa_viscosity_b_(const sphpa_viscosity *v) {
     return v->b < 0.0 ? 0.0 : (v->b == 0.0 ? 2.0 : v->b);
 }
 
+SPHPA_PRIVATE_ sphpa_result sphpa_viscosity_check_(const char *who, const sphpa_viscosity *v,
+                                                   sphpa_error *err) {
+    if (sphpa_finite_(v->a) && sphpa_finite_(v->b)) return SPHPA_OK;
+    return sphpa_error_set(err, SPHPA_ERROR_NOT_FINITE,
+                           "%s: viscosity a = %g, b = %g; give finite numbers: 0 is the default, "
+                           "negative none", who, v->a, v->b);
+}
+
 /* Pi of a pair from v.x < 0 and the pair's means; *mu is negative */
 SPHPA_FORCE_INLINE_ double sphpa_viscosity_pi_(double a, double b, double vx, double r2, double h,
                                                double c, double rho, double *mu) {
@@ -8368,6 +8393,11 @@ SPHPA_PRIVATE_ sphpa_result sphpa_gas_setup_(sphpa_sim *sim, void *params, sphpa
     if (!eos)
         return sphpa_error_set(err, SPHPA_ERROR_MISSING,
                                "gas: no equation of state; set eos and materials");
+    const sphpa_number_ all[3] = {
+        {"eta", gas->eta}, {"h_max", gas->h_max}, {"conduction", gas->conduction}};
+    sphpa_result result = sphpa_numbers_check_("gas", all, 3, err);
+    if (result == SPHPA_OK) result = sphpa_viscosity_check_("gas", &gas->viscosity, err);
+    if (result != SPHPA_OK) return result;
     for (size_t i = 0; i < sim->p.n; i++)
         if (sim->p.material[i] < 0 || sim->p.material[i] >= gas->materials)
             return sphpa_error_set(err, SPHPA_ERROR_RANGE,
@@ -8431,10 +8461,13 @@ SPHPA_PRIVATE_ const sphpa_solid_material *sphpa_solid_material_(const sphpa_sol
 }
 
 /* [1] the largest h of a particle in units of its h0 */
-SPHPA_PRIVATE_ double sphpa_solid_h_max_(const sphpa_solid_params *solid, const sphpa_sim *sim,
-                                         size_t i) {
-    double own = sphpa_solid_material_(solid, sim, i)->h_max;
-    return own > 0.0 ? own : solid->h_max > 0.0 ? solid->h_max : 1.5;
+SPHPA_PRIVATE_ double sphpa_solid_h_min_(const sphpa_solid_params *solid) {
+    return solid->h_min > 0.0 ? solid->h_min : 0.6;
+}
+
+SPHPA_PRIVATE_ double sphpa_solid_h_max_(const sphpa_solid_params *solid,
+                                         const sphpa_solid_material *material) {
+    return material->h_max > 0.0 ? material->h_max : solid->h_max > 0.0 ? solid->h_max : 1.5;
 }
 
 /* ---- gradients: equations (1) and (2) -------------------------------------------------------- */
@@ -8638,9 +8671,9 @@ SPHPA_PRIVATE_ sphpa_result sphpa_solid_density_(sphpa_sim *sim, void *params, s
                                                  size_t last, size_t *bad) {
     const sphpa_solid_params *solid = (const sphpa_solid_params *)params;
     sphpa_particles *p = &sim->p;
-    double least = solid->h_min > 0.0 ? solid->h_min : 0.6;
+    double least = sphpa_solid_h_min_(solid);
     for (size_t i = first; i < last; i++) {
-        double most = sphpa_solid_h_max_(solid, sim, i);
+        double most = sphpa_solid_h_max_(solid, sphpa_solid_material_(solid, sim, i));
         double strain = sim->dt_stage * (double)p->div_v[i], h0 = (double)p->h0[i];
         p->rho[i] = p->start.rho[i] * exp(-strain);
         if (!(p->rho[i] > 0.0) || !sphpa_finite_(p->rho[i])) {
@@ -8953,18 +8986,46 @@ SPHPA_PRIVATE_ double sphpa_solid_u_limit_(const sphpa_sim *sim, const void *par
     return step * (sphpa_max_(sim->p.u[i], 0.0) + low) / (fabs((double)sim->p.du[i]) + 1e-300);
 }
 
-SPHPA_PRIVATE_ sphpa_result sphpa_solid_setup_(sphpa_sim *sim, void *params, sphpa_error *err) {
-    const sphpa_solid_params *solid = (const sphpa_solid_params *)params;
+SPHPA_PRIVATE_ sphpa_result sphpa_solid_check_material_(const sphpa_solid_params *solid, int k,
+                                                        sphpa_error *err) {
+    const sphpa_solid_material *material = &solid->material[k];
+    double least = sphpa_solid_h_min_(solid), most = sphpa_solid_h_max_(solid, material);
+    if (material->eos.eval == NULL || !(material->G >= 0.0 && sphpa_finite_(material->G)))
+        return sphpa_error_set(err, SPHPA_ERROR_MATERIAL,
+                               "solid: material %d has G = %g Pa and %s equation of state; give a "
+                               "finite G >= 0 and one", k, material->G,
+                               material->eos.eval == NULL ? "no" : "an");
+    if (!(material->h_max >= 0.0 && sphpa_finite_(material->h_max) && most >= least))
+        return sphpa_error_set(err, SPHPA_ERROR_MATERIAL,
+                               "solid: material %d has h_max = %g, so h is kept between %g and %g "
+                               "times its first; give a finite h_max above h_min, or 0 for the "
+                               "scene's", k, material->h_max, least, most);
+    return SPHPA_OK;
+}
+
+SPHPA_PRIVATE_ sphpa_result sphpa_solid_check_(const sphpa_solid_params *solid, sphpa_error *err) {
+    const sphpa_number_ all[8] = {{"artificial_stress", solid->artificial_stress},
+                                  {"artificial_exponent", solid->artificial_exponent},
+                                  {"spacing", solid->spacing},
+                                  {"h_min", solid->h_min},
+                                  {"h_max", solid->h_max},
+                                  {"rho_step", solid->rho_step},
+                                  {"u_step", solid->u_step},
+                                  {"u_floor", solid->u_floor}};
     if (solid->material == NULL || solid->materials < 1)
         return sphpa_error_set(err, SPHPA_ERROR_MISSING,
                                "solid: no materials; set material and materials");
-    for (int k = 0; k < solid->materials; k++)
-        if (solid->material[k].eos.eval == NULL || !(solid->material[k].G >= 0.0))
-            return sphpa_error_set(err, SPHPA_ERROR_MATERIAL,
-                                   "solid: material %d has G = %g Pa and %s equation of state; "
-                                   "give G >= 0 and one",
-                                   k, solid->material[k].G,
-                                   solid->material[k].eos.eval == NULL ? "no" : "an");
+    sphpa_result result = sphpa_numbers_check_("solid", all, 8, err);
+    if (result == SPHPA_OK) result = sphpa_viscosity_check_("solid", &solid->viscosity, err);
+    for (int k = 0; k < solid->materials && result == SPHPA_OK; k++)
+        result = sphpa_solid_check_material_(solid, k, err);
+    return result;
+}
+
+SPHPA_PRIVATE_ sphpa_result sphpa_solid_setup_(sphpa_sim *sim, void *params, sphpa_error *err) {
+    const sphpa_solid_params *solid = (const sphpa_solid_params *)params;
+    sphpa_result result = sphpa_solid_check_(solid, err);
+    if (result != SPHPA_OK) return result;
     for (size_t i = 0; i < sim->p.n; i++) {
         if (sim->p.material[i] < 0 || sim->p.material[i] >= solid->materials)
             return sphpa_error_set(err, SPHPA_ERROR_RANGE,
@@ -9582,8 +9643,15 @@ SPHPA_PRIVATE_ sphpa_result sphpa_cracks_setup_(sphpa_sim *sim, void *params, sp
     if (cracks->keep_all && cracks->sampled)
         return sphpa_error_set(err, SPHPA_ERROR_RANGE,
                                "cracks: keep_all and sampled exclude each other; choose one");
+    const sphpa_number_ growth = {"growth", cracks->growth};
+    sphpa_result result = sphpa_numbers_check_("cracks", &growth, 1, err);
+    if (result != SPHPA_OK) return result;
     for (int k = 0; k < cracks->solid->materials; k++) {
         const sphpa_solid_material *solid = &cracks->solid->material[k];
+        if (!sphpa_finite_(cracks->material[k].alpha0))
+            return sphpa_error_set(err, SPHPA_ERROR_MATERIAL,
+                                   "cracks: material %d has alpha0 = %g; give a finite one, or 0 "
+                                   "for no damage by compaction", k, cracks->material[k].alpha0);
         if (cracks->material[k].k != 0.0 && !(solid->eos.K > 0.0 && solid->G > 0.0))
             return sphpa_error_set(err, SPHPA_ERROR_MATERIAL,
                                    "cracks: material %d has flaws but K = %g and G = %g Pa; give "

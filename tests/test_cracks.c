@@ -650,6 +650,13 @@ static void bad_input_is_named(void **state) {
     s.flaws[0].m = 0.0;
     assert_int_equal(create(&s, &p, &sim, &err), SPHPA_ERROR_NEGATIVE);
     s = rock();
+    s.flaws[0].alpha0 = (double)NAN;
+    assert_int_equal(create(&s, &p, &sim, &err), SPHPA_ERROR_MATERIAL);
+    s = rock();
+    s.cracks.growth = -0.1;
+    assert_int_equal(create(&s, &p, &sim, &err), SPHPA_ERROR_RANGE);
+    assert_non_null(strstr(err.message, "growth = -0.1"));
+    s = rock();
     p.body[0] = 100000;
     assert_int_equal(create(&s, &p, &sim, &err), SPHPA_ERROR_RANGE);
     sphpa_particles_free(&p);

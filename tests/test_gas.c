@@ -698,6 +698,20 @@ static void bad_gases_are_refused(void **state) {
         assert_non_null(strstr(err.message, k < 3 ? "equation of state" : "material 1"));
     }
     g->p.material[5] = 0;
+    for (int k = 0; k < 5; k++)
+        for (int bad = 0; bad < 2; bad++) {
+            sphpa_gas_params params = g->params;
+            double *const all[5] = {&params.eta, &params.h_max, &params.conduction,
+                                    &params.viscosity.a, &params.viscosity.b};
+            if (bad == 1 && k > 2) continue; /* a negative viscosity is none */
+            *all[k] = bad ? -3.0 : (double)NAN;
+            sphpa_scene scene;
+            memset(&scene, 0, sizeof scene);
+            assert_int_equal(sphpa_scene_add(&scene, sphpa_gas(&params)), SPHPA_OK);
+            assert_int_equal(sphpa_sim_create(&g->sim, &scene, &g->p, &g->options, &err),
+                             bad ? SPHPA_ERROR_RANGE : SPHPA_ERROR_NOT_FINITE);
+            assert_non_null(strstr(err.message, bad ? "-3" : "nan"));
+        }
     gas_start(g); /* without a switch its field is not there, nor anything of a solid's */
     assert_true(g->sim.p.balsara == NULL && g->sim.p.S == NULL && g->sim.p.alpha == NULL &&
                 g->sim.p.D == NULL && g->sim.p.L == NULL && g->sim.p.div_v == NULL);

@@ -996,10 +996,56 @@ static void bad_input_is_named(void **state) {
     assert_non_null(strstr(err.message, "-1"));
     s.material.G = (double)NAN;
     assert_int_equal(sphpa_sim_create(&sim, &scene, &p, NULL, &err), SPHPA_ERROR_MATERIAL);
+    s.material.G = (double)INFINITY;
+    assert_int_equal(sphpa_sim_create(&sim, &scene, &p, NULL, &err), SPHPA_ERROR_MATERIAL);
     s.material.G = 1.0;
+    const double bad_h[4] = {-2.0, (double)NAN, (double)INFINITY, 0.5}; /* h_min is 0.6 */
+    for (int k = 0; k < 4; k++) {
+        s.material.h_max = bad_h[k];
+        assert_int_equal(sphpa_sim_create(&sim, &scene, &p, NULL, &err), SPHPA_ERROR_MATERIAL);
+        assert_non_null(strstr(err.message, "h_max"));
+    }
+    s.material.h_max = 0.0;
+    s.solid.h_min = 1.8; /* above the default h_max, 1.5 */
+    assert_int_equal(sphpa_sim_create(&sim, &scene, &p, NULL, &err), SPHPA_ERROR_MATERIAL);
+    assert_non_null(strstr(err.message, "1.8 and 1.5"));
+    s.solid.h_max = 1.8; /* h stays h0: odd, and allowed */
+    assert_int_equal(sphpa_sim_create(&sim, &scene, &p, NULL, &err), SPHPA_OK);
+    sphpa_sim_free(&sim);
+    s.solid.h_min = s.solid.h_max = 0.0;
     p.material[3] = 7;
     assert_int_equal(sphpa_sim_create(&sim, &scene, &p, NULL, &err), SPHPA_ERROR_RANGE);
     assert_non_null(strstr(err.message, "material 7"));
+    sphpa_particles_free(&p);
+}
+
+static void bad_numbers_are_named(void **state) {
+    (void)state;
+    static const char *const name[8] = {"artificial_stress", "artificial_exponent", "spacing",
+                                        "h_min", "h_max", "rho_step", "u_step", "u_floor"};
+    sphpa_particles p = set_of(2);
+    sphpa_body body = body_of(0.4);
+    add_ball(&p, 0.0, 0.0, 1.0, &body);
+    for (int k = 0; k < 10; k++)
+        for (int bad = 0; bad < 3; bad++) {
+            scene_of s = elastic(0.5);
+            s.material.eos = sphpa_murnaghan_eos(&s.rubber);
+            s.solid.material = &s.material;
+            double *const all[10] = {&s.solid.artificial_stress, &s.solid.artificial_exponent,
+                                     &s.solid.spacing, &s.solid.h_min, &s.solid.h_max,
+                                     &s.solid.rho_step, &s.solid.u_step, &s.solid.u_floor,
+                                     &s.solid.viscosity.a, &s.solid.viscosity.b};
+            if (bad == 2 && k > 7) continue; /* a negative viscosity is none */
+            *all[k] = bad == 0 ? (double)NAN : bad == 1 ? (double)INFINITY : -0.5;
+            sphpa_scene scene;
+            sphpa_sim sim;
+            sphpa_error err;
+            memset(&scene, 0, sizeof scene);
+            assert_int_equal(sphpa_scene_add(&scene, sphpa_solid(&s.solid)), SPHPA_OK);
+            assert_int_equal(sphpa_sim_create(&sim, &scene, &p, NULL, &err),
+                             bad == 2 ? SPHPA_ERROR_RANGE : SPHPA_ERROR_NOT_FINITE);
+            assert_non_null(strstr(err.message, k < 8 ? name[k] : "viscosity"));
+        }
     sphpa_particles_free(&p);
 }
 
@@ -1162,6 +1208,7 @@ int main(void) {
         cmocka_unit_test(limits_by_name),
         cmocka_unit_test(smoothing_length_stays_in_its_range),
         cmocka_unit_test(bad_input_is_named),
+        cmocka_unit_test(bad_numbers_are_named),
         cmocka_unit_test(rubber_rings_bounce),
         cmocka_unit_test(threads_do_not_matter),
     };

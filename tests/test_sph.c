@@ -1301,6 +1301,30 @@ static void a_bad_state_stops_the_run(void **state) {
     }
 }
 
+static void bad_options_are_refused(void **state) {
+    (void)state;
+    static const char *const name[7] = {"cfl",       "force_cfl", "dt_max", "dt_min",
+                                        "dt_growth", "dt_fixed",  "skin"};
+    limiter l = {0.1, 0.1, 0};
+    sphpa_scene scene = limit_scene(&l);
+    static sphpa_sim sim;
+    sphpa_error err;
+    sphpa_particles p = random_set(2, 20, 0.1, 1);
+    for (int k = 0; k < 7; k++)
+        for (int bad = 0; bad < 3; bad++) {
+            sphpa_sim_options options = options_of(0.0);
+            double *const all[7] = {&options.cfl,       &options.force_cfl, &options.dt_max,
+                                    &options.dt_min,    &options.dt_growth, &options.dt_fixed,
+                                    &options.skin};
+            *all[k] = bad == 0 ? -0.25 : bad == 1 ? (double)NAN : (double)INFINITY;
+            assert_int_equal(sphpa_sim_create(&sim, &scene, &p, &options, &err),
+                             bad == 0 ? SPHPA_ERROR_RANGE : SPHPA_ERROR_NOT_FINITE);
+            assert_non_null(strstr(err.message, name[k]));
+            if (bad == 0) assert_non_null(strstr(err.message, "-0.25"));
+        }
+    sphpa_particles_free(&p);
+}
+
 static void bad_starts_are_refused(void **state) {
     (void)state;
     limiter l = {0.1, 0.1, 0};
@@ -1611,6 +1635,7 @@ int main(void) {
         cmocka_unit_test(moved_after_a_refresh),
         cmocka_unit_test(the_least_u_is_named),
         cmocka_unit_test(a_bad_state_stops_the_run),
+        cmocka_unit_test(bad_options_are_refused),
         cmocka_unit_test(bad_starts_are_refused),
         cmocka_unit_test(modules_are_set_up_and_torn_down_once),
         cmocka_unit_test(particles_come_and_go),
