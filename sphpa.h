@@ -273,7 +273,8 @@ SPHPA_EXTERN_C_BEGIN_
 /* ================================================================================================
    >>base   results and errors, random numbers, symmetric tensors, the clock
    ------------------------------------------------------------------------------------------------
-   References: O'Neill 2014 (PCG); Golub & Van Loan 1996, section 8.4 (Jacobi).
+   References: O'Neill 2014 (PCG); Steele, Lea & Flood 2014 (OOPSLA; splitmix64); Golub & Van Loan
+   1996, section 8.4 (Jacobi).
    Needs: nothing. Read next: >>kernel, >>eos.
    ============================================================================================== */
 #undef SPHPA_DEF
@@ -336,7 +337,9 @@ SPHPA_DEF sphpa_result sphpa_error_set(sphpa_error *err, sphpa_result result, co
 
 /* ---- random numbers ---------------------------------------------------------------------------*/
 
-/* PCG-XSH-RR 64/32 (O'Neill 2014): the only source of randomness in the toolkit. */
+/* PCG-XSH-RR 64/32 (O'Neill 2014): the only source of randomness in the toolkit. Seed and stream may
+   be any numbers, such as 1, 2, 3: they are mixed (splitmix64, Steele, Lea & Flood 2014), so that
+   streams that differ in one bit are as independent as any. */
 typedef struct sphpa_rng {
     uint64_t state; /* advances by one multiplication a draw */
     uint64_t inc;   /* selects the stream; odd */
@@ -2329,13 +2332,21 @@ SPHPA_FORCE_INLINE_ double sphpa_exp_(double x) {
     return e * sphpa_exp2_whole_(half) * sphpa_exp2_whole_(k - half);
 }
 
+/* one bit of x changes about half of the result's: the output of splitmix64 from the state x */
+SPHPA_PRIVATE_ uint64_t sphpa_mix_(uint64_t x) {
+    x += 0x9e3779b97f4a7c15u;
+    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
+    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
+    return x ^ (x >> 31);
+}
+
+/* An LCG's streams are one sequence, shifted: what is near in seed or stream would stay near, and
+   increments that differ in the highest bit alone give every other draw alike. So both are mixed. */
 SPHPA_DEF sphpa_rng sphpa_rng_seed(uint64_t seed, uint64_t stream) {
     sphpa_rng rng;
-    rng.state = 0;
-    rng.inc = (stream << 1) | 1u;
-    (void)sphpa_rng_u32(&rng);
-    rng.state += seed;
-    (void)sphpa_rng_u32(&rng);
+    uint64_t mixed = sphpa_mix_(stream);
+    rng.inc = (mixed << 1) | 1u;
+    rng.state = sphpa_mix_(seed ^ mixed);
     return rng;
 }
 
@@ -4080,31 +4091,70 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_p
     task->result = SPHPA_ERROR_NOT_CONVERGED;
 }
 
-/* Where nothing shows that F has one zero only: look inward from the top in twelve steps for the
-   first change of sign; between two steps whose slopes say that F dips, look at the dip as well.
-   A pair of roots narrower than that is missed. True: the root is in [*lo, *hi] and `point` is the
-   end with the smaller |F|. False: `point` is the answer, or the evaluation failed. */
+/* No zero of F lies between two points with F > 0: no P there is so low that the curve gives back an
+   alpha of lo or more. Lowest is P at the end that its slopes point to, and in a dip not below the
+   tangents at both ends. */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_clear_(const sphpa_palpha_task_ *task,
+                                             const sphpa_palpha_point_ *lo,
+                                             const sphpa_palpha_point_ *hi) {
+    double slope, P = sphpa_min_(lo->P, hi->P), width = hi->alpha - lo->alpha;
+    if (lo->D < 0.0 && hi->D > 0.0)
+        P = sphpa_min_(P, sphpa_max_(lo->P + lo->D * width, hi->P - hi->D * width));
+    return lo->alpha > sphpa_palpha_target_(task, P, &slope);
+}
+
+/* The highest place between lo and *hi that is found with F <= 0, F > 0 at both: halves, or nearer to
+   where P is lowest, until all is clear. True: it is *low, and nothing lies between *hi and the F > 0
+   that was there. False: there is none, *hi is lo; or an evaluation failed. */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_dip_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
+                                           sphpa_palpha_point_ lo, sphpa_palpha_point_ *hi,
+                                           sphpa_palpha_point_ *low) {
+    sphpa_palpha_point_ pile[16];
+    const int most = (int)(sizeof pile / sizeof pile[0]);
+    int depth = 1, left = 4 * most;
+    pile[0] = lo;
+    while (depth > 0) {
+        lo = pile[depth - 1];
+        if (depth == most || left == 0 || sphpa_palpha_clear_(task, &lo, hi)) {
+            *hi = lo;
+            depth--;
+            continue;
+        }
+        double share = lo.D < 0.0 && hi->D > 0.0 ? lo.D / (lo.D - hi->D) : 0.5;
+        share = sphpa_clamp_(share, 0.1, 0.9);
+        left--;
+        if (!sphpa_palpha_at_(eval, task, lo.alpha + share * (hi->alpha - lo.alpha), low))
+            return false;
+        if (low->F <= 0.0) return true;
+        pile[depth++] = *low;
+    }
+    return false;
+}
+
+/* Where nothing shows that F has one zero only: look inward from the top in eight steps for the first
+   change of sign, and between two of them for dips. A pair of roots is missed where P rises and falls
+   twice within a step, or where the two are within some 1e-6 of the bracket. True: the root is in
+   [*lo, *hi] and `point` is the end with the smaller |F|. False: `point` is the answer, or the
+   evaluation failed. */
 SPHPA_FORCE_INLINE_ bool sphpa_palpha_scan_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
                                             double *lo, double *hi, sphpa_palpha_point_ *point) {
-    const int steps = 12;
-    int dips = 4;
+    const int steps = 8;
     double top = task->cap;
-    sphpa_palpha_point_ next, low;
+    sphpa_palpha_point_ above = *point, next, low;
     for (int k = 1; k <= steps; k++) {
         double alpha = k < steps ? top - (top - 1.0) * k / steps : 1.0;
         if (!sphpa_palpha_at_(eval, task, alpha, &next)) return false;
-        if (next.F > 0.0 && point->dF > 0.0 && next.dF < 0.0 && dips-- > 0) {
-            double share = next.dF / (next.dF - point->dF);
-            double dip = alpha + share * (point->alpha - alpha);
-            if (!sphpa_palpha_at_(eval, task, dip, &low)) return false;
-            if (low.F <= 0.0) next = low;
+        if (next.F > 0.0 && sphpa_palpha_dip_(eval, task, next, &above, &low)) next = low;
+        if (task->result != SPHPA_OK) return false;
+        if (next.F <= 0.0) {
+            *lo = next.alpha;
+            *hi = above.alpha;
+            *point = next.F < 0.0 && above.F < -next.F ? above : next;
+            return next.F < 0.0;
         }
-        *lo = next.alpha;
-        *hi = point->alpha;
-        bool found = next.F < 0.0;
-        if (!found || fabs(next.F) < fabs(point->F)) *point = next;
-        if (next.F <= 0.0) return found;
+        above = next;
     }
+    *point = next;
     return false; /* F(1) = 0 up to rounding, and point is there */
 }
 
@@ -9173,7 +9223,7 @@ SPHPA_PRIVATE_ void sphpa_pores_smooth_(sphpa_sim *sim, const sphpa_pores_params
         return;
     double closed = sphpa_clamp_((crush->alpha0 - alpha) / (crush->alpha0 - 1.0), 0.0, 1.0);
     double share = closed * closed * closed;
-    sim->p.c_visc[i] = (sphpa_real)(pow(crushing, 1.0 - share) * pow(elastic, share));
+    sim->p.c_visc[i] = (sphpa_real)(crushing * pow(elastic / crushing, share));
 }
 
 /* one material of one block; where it is carried also the least alpha (HERRMANN) */
@@ -10014,7 +10064,7 @@ SPHPA_PRIVATE_ bool sphpa_make_search_(const sphpa_make_job_ *job, double start,
             n > 0.0 ? d * sphpa_clamp_(pow(n / wish, 1.0 / job->dim), 0.3, 3.0) : 0.5 * d;
         bool inside = (many <= 0.0 || guess > many) && (few <= 0.0 || guess < few);
         if (many > 0.0 && few > 0.0) {
-            if (few - many < 0.01 * few / wish && few - many < 1e-6 * few) return true;
+            if (few - many < 1e-4 * few / wish && few - many < 1e-6 * few) return true;
             if (!inside || k > 6) guess = 0.5 * (many + few);
         } else if (!inside || guess == d) {
             guess = n > wish ? 1.1 * d : 0.9 * d;

@@ -80,26 +80,40 @@ static uint32_t restated(uint64_t *s, uint64_t increment) {
     return word;
 }
 
+/* the generator itself, started as the author's pcg32_srandom_r starts it */
 static void pcg_published(void **state) {
     (void)state;
     /* the first outputs that the author's demonstration prints for seed 42, stream 54 */
     static const uint32_t published[6] = {0xa15c02b7u, 0x7b47f409u, 0xba1d3330u,
                                           0x83d2f293u, 0xbfa4784bu, 0xcbed606eu};
-    sphpa_rng rng = sphpa_rng_seed(42, 54);
-    for (int i = 0; i < 6; i++) assert_true(sphpa_rng_u32(&rng) == published[i]);
     const uint64_t seeds[] = {0, 1, 42, UINT64_C(0x123456789abcdef0), UINT64_MAX};
+    sphpa_rng rng = {0, 2 * 54 + 1};
+    (void)sphpa_rng_u32(&rng);
+    rng.state += 42;
+    (void)sphpa_rng_u32(&rng);
+    for (int i = 0; i < 6; i++) assert_true(sphpa_rng_u32(&rng) == published[i]);
     for (int a = 0; a < 5; a++)
         for (int b = 0; b < 5; b++) {
-            uint64_t increment = 2 * seeds[b] + 1, s = 0;
-            (void)restated(&s, increment);
-            s += seeds[a];
-            (void)restated(&s, increment);
-            rng = sphpa_rng_seed(seeds[a], seeds[b]);
+            uint64_t increment = 2 * seeds[b] + 1, s = seeds[a];
+            rng.inc = increment;
+            rng.state = s;
             for (int i = 0; i < 2000; i++) {
-                assert_true(rng.inc == increment);
                 assert_true(sphpa_rng_u32(&rng) == restated(&s, increment));
+                assert_true(rng.inc == increment);
             }
         }
+}
+
+/* the first numbers of splitmix64 from 1234567 are widely published; each is the mix of the seed
+   plus so many golden ratios */
+static void mixing_published(void **state) {
+    (void)state;
+    static const uint64_t published[5] = {
+        UINT64_C(6457827717110365317), UINT64_C(3203168211198807973), UINT64_C(9817491932198370423),
+        UINT64_C(4593380528125082431), UINT64_C(16408922859458223821)};
+    for (uint64_t k = 0; k < 5; k++)
+        assert_true(sphpa_mix_(UINT64_C(1234567) + k * UINT64_C(0x9e3779b97f4a7c15)) ==
+                    published[k]);
 }
 
 /* n draws: mean within 4.5 sigma of the truth; sigma_mean = sqrt(variance/n) */
@@ -186,18 +200,57 @@ static void below_is_unbiased(void **state) {
     assert_mean(low, 200000, 1.0 / 3.0, 2.0 / 9.0);
 }
 
-static void streams_differ(void **state) {
+static void same_seed_and_stream_give_the_same(void **state) {
     (void)state;
-    sphpa_rng a = sphpa_rng_seed(9, 1), b = sphpa_rng_seed(9, 2), c = sphpa_rng_seed(9, 1),
-              d = sphpa_rng_seed(10, 1);
-    int same_stream = 0, same_seed = 0;
-    for (int i = 0; i < 1000; i++) {
-        uint32_t x = sphpa_rng_u32(&a);
-        same_stream += x == sphpa_rng_u32(&b);
-        same_seed += x == sphpa_rng_u32(&d);
-        assert_true(x == sphpa_rng_u32(&c));
+    sphpa_rng a = sphpa_rng_seed(9, 1), b = sphpa_rng_seed(9, 1);
+    for (int i = 0; i < 1000; i++) assert_true(sphpa_rng_u32(&a) == sphpa_rng_u32(&b));
+}
+
+/* Seeds and streams that differ in one bit, whichever, have nothing to do with each other: no draw
+   in common (to 2^-20), no correlation. An LCG's increments that differ in high bits alone fail. */
+static void neighbouring_streams_are_independent(void **state) {
+    (void)state;
+    enum { STARTS = 20, DRAWS = 256 };
+    for (int which = 0; which < 2; which++)
+        for (int bit = 0; bit < 64; bit++) {
+            double product = 0.0;
+            int common = 0;
+            for (uint64_t s = 0; s < STARTS; s++) {
+                uint64_t other = s ^ UINT64_C(1) << bit;
+                sphpa_rng a = which ? sphpa_rng_seed(s, 5) : sphpa_rng_seed(5, s);
+                sphpa_rng b = which ? sphpa_rng_seed(other, 5) : sphpa_rng_seed(5, other);
+                for (int i = 0; i < DRAWS; i++) {
+                    double x = sphpa_rng_uniform(&a) - 0.5, y = sphpa_rng_uniform(&b) - 0.5;
+                    product += x * y;
+                    common += fabs(x - y) < 1e-6;
+                }
+            }
+            assert_mean(product, (double)STARTS * DRAWS, 0.0, 1.0 / 144.0);
+            assert_true(common <= 2); /* 0.01 are to be expected */
+        }
+}
+
+/* The first draws of streams, and of seeds, that follow each other are as random as those of one
+   stream: pairs, `step` apart, fill 16 x 16 boxes evenly (chi squared). */
+static void first_draws_are_random(void **state) {
+    (void)state;
+    enum { N = 100000, BINS = 256 };
+    static double first[N];
+    for (int which = 0; which < 2; which++) {
+        for (uint64_t s = 0; s < N; s++) {
+            sphpa_rng rng = which ? sphpa_rng_seed(s, 5) : sphpa_rng_seed(5, s);
+            first[s] = sphpa_rng_uniform(&rng);
+        }
+        for (int step = 1; step <= 4096; step *= 2) {
+            double count[BINS], chi2 = 0.0, expected = (double)(N - step) / BINS;
+            memset(count, 0, sizeof count);
+            for (int s = 0; s + step < N; s++)
+                count[16 * (int)(16.0 * first[s]) + (int)(16.0 * first[s + step])] += 1.0;
+            for (int k = 0; k < BINS; k++)
+                chi2 += (count[k] - expected) * (count[k] - expected) / expected;
+            assert_near_abs(chi2, BINS - 1.0, 4.5 * sqrt(2.0 * (BINS - 1.0)));
+        }
     }
-    assert_true(same_stream <= 1 && same_seed <= 1);
 }
 
 /* ---- eigenvalues ----------------------------------------------------------------------------- */
@@ -416,7 +469,8 @@ int main(void) {
         cmocka_unit_test(uniform_moments), cmocka_unit_test(normal_moments),
         cmocka_unit_test(exponential_is_good_to_its_stated_error),
         cmocka_unit_test(exponential_has_the_same_bits_in_a_loop),
-        cmocka_unit_test(below_is_unbiased), cmocka_unit_test(streams_differ),
+        cmocka_unit_test(below_is_unbiased), cmocka_unit_test(mixing_published), cmocka_unit_test(same_seed_and_stream_give_the_same),
+        cmocka_unit_test(neighbouring_streams_are_independent), cmocka_unit_test(first_draws_are_random),
         cmocka_unit_test(eigen_random),   cmocka_unit_test(eigen_known),
         cmocka_unit_test(eigen_exact),    cmocka_unit_test(eigen_scaled),
     };

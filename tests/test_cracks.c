@@ -203,6 +203,39 @@ static void seeds_decide(void **state) {
     sphpa_particles_free(&turned);
 }
 
+/* Every set of particles and every particle draws from a stream of its own: two materials of one body
+   that alternate, with the same flaws a volume, do not get the same ones, nor a particle those that
+   its number would give as a body. */
+static void streams_are_apart(void **state) {
+    (void)state;
+    for (int sampled = 0; sampled < 2; sampled++) {
+        sphpa_particles p = cube(6, 0.0);
+        for (size_t i = 0; i < p.n; i++) p.material[i] = p.id[i] % 2;
+        scene_of s = rock();
+        s.solid.materials = 2;
+        s.material[1] = s.material[0];
+        s.flaws[1] = s.flaws[0];
+        s.cracks.sampled = sampled;
+        sphpa_sim sim;
+        start(&s, &p, &sim);
+        int same = 0;
+        for (int64_t id = 0; id < (int64_t)p.n; id += 2)
+            same += fabs(sim.p.flaw_min[of_id(&sim.p, id)] / sim.p.flaw_min[of_id(&sim.p, id + 1)] -
+                         1.0) < 1e-3;
+        assert_true(same < (int)p.n / 20);
+        if (sampled) { /* body 0, material 0: stream 0 */
+            sphpa_rng of_body = sphpa_rng_seed(s.cracks.seed, 0), again = of_body;
+            const sphpa_flaw_params params = {s.flaws[0].k, s.flaws[0].m, 0.5};
+            sphpa_flaws few;
+            double stop = sphpa_flaw_stopping_time(p.n / 2, &of_body);
+            assert_int_equal(sphpa_flaw_sample(&params, p.n / 2, &again, stop, &few), SPHPA_OK);
+            assert_true(fabs(few.eps_min / sim.p.flaw_min[of_id(&sim.p, 0)] - 1.0) > 1e-3);
+        }
+        sphpa_sim_free(&sim);
+        sphpa_particles_free(&p);
+    }
+}
+
 /* every body has flaws of its own volume; a material without flaws has none and stays whole */
 static void bodies_and_materials(void **state) {
     (void)state;
@@ -666,6 +699,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(counts_follow_weibull),
         cmocka_unit_test(seeds_decide),
+        cmocka_unit_test(streams_are_apart),
         cmocka_unit_test(bodies_and_materials),
         cmocka_unit_test(damage_grows_as_of_one_state),
         cmocka_unit_test(strength_is_that_of_the_particles),

@@ -209,7 +209,7 @@ static void linear_velocity_is_exact(void **state) {
                 exact_at_surface += det < 0.7;
             }
         }
-        assert_true(exact > (int)sim.p.n * 3 / 4);
+        assert_true(exact > (int)sim.p.n / 2); /* not a few: in 3-D a quarter is blended */
         assert_true(exact_at_surface > 0);
         /* without the correction the surface is wrong by tens of per cent */
         s.solid.correction = 0;
@@ -668,6 +668,87 @@ static void heat_is_that_of_the_own_stress(void **state) {
         heat_at_a_jump(dim, 1, 1);
         heat_at_a_jump(dim, 0, 1);
         heat_at_a_jump(dim, 0, 2);
+    }
+}
+
+/* Without the correction (3) is the rate of sum_j m_j (W_i + W_j)/2 of this very evaluation: at its
+   positions and velocities, and with the density that the rate before makes of the one at the start. */
+typedef struct of_the_sum {
+    double before[400]; /* by id: div v of the step before */
+    double worst;       /* relative error of div v */
+    int seen;
+} of_the_sum;
+
+static double rate_of_sum(const sphpa_sim *sim, size_t i) {
+    const sphpa_particles *p = &sim->p;
+    double sum = 0.0;
+    for (size_t j = 0; j < p->n; j++) {
+        double dot = 0.0, r2 = 0.0;
+        for (size_t a = 0; a < 3; a++) {
+            double dx = p->x[3 * i + a] - p->x[3 * j + a];
+            r2 += dx * dx;
+            dot += dx * ((double)p->v[3 * i + a] - (double)p->v[3 * j + a]);
+        }
+        double r = sqrt(r2) + 1e-300;
+        sum += (double)p->m[j] * dot / r * 0.5 *
+               (sphpa_kernel_dw(sim->options.kernel, p->dim, r, (double)p->h[i]) +
+                sphpa_kernel_dw(sim->options.kernel, p->dim, r, (double)p->h[j]));
+    }
+    return sum;
+}
+
+static sphpa_result compare_with_sum(sphpa_sim *sim, void *params, size_t first, size_t last,
+                                     size_t *bad) {
+    of_the_sum *o = (of_the_sum *)params;
+    (void)bad;
+    for (size_t i = first; i < last && !sim->committing; i++) {
+        double rho = sim->p.start.rho[i] * exp(-sim->dt_stage * o->before[sim->p.id[i]]);
+        double want = -rate_of_sum(sim, i) / rho;
+        o->worst = fmax(o->worst, fabs((double)sim->p.div_v[i] - want) / (fabs(want) + 0.1));
+        o->seen++;
+    }
+    return SPHPA_OK;
+}
+
+static void continuity_is_the_rate_of_the_sum(void **state) {
+    (void)state;
+    for (int dim = 1; dim <= 3; dim++) {
+        sphpa_particles p = set_of(dim);
+        sphpa_body body = body_of(dim == 3 ? 0.34 : 0.1);
+        add_box(&p, -1.0, -1.0, -1.0, 1.0, 1.0, 1.0, &body);
+        jitter(&p, 0.2, 5);
+        sphpa_rng rng = sphpa_rng_seed(6, (uint64_t)dim);
+        for (size_t i = 0; i < p.n; i++) {
+            p.rho[i] *= 1.0 + sphpa_rng_uniform(&rng);
+            for (int a = 0; a < dim; a++)
+                p.v[3 * i + (size_t)a] =
+                    (sphpa_real)(0.5 * sphpa_rng_uniform(&rng) - p.x[3 * i + (size_t)a]);
+        }
+        scene_of s = elastic(0.0);
+        s.solid.correction = 0;
+        s.options.dt_fixed = 0.02;
+        of_the_sum o;
+        memset(&o, 0, sizeof o);
+        assert_true(p.n <= 400);
+        s.extra.name = "look";
+        s.extra.params = &o;
+        s.extra.passes = 1;
+        s.extra.pass[0].name = "look";
+        s.extra.pass[0].stage = SPHPA_STAGE_PRESSURE;
+        s.extra.pass[0].reads = SPHPA_F(rho) | SPHPA_F(div_v);
+        s.extra.pass[0].particle = compare_with_sum;
+        sphpa_sim sim;
+        start(&s, &p, &sim);
+        for (int k = 0; k < 4; k++) {
+            o.worst = 0.0;
+            o.seen = 0;
+            step(&sim, 1.0);
+            assert_true(o.seen > 0); /* the first step has no rate before it that could be seen */
+            if (k > 0) assert_near_abs(o.worst, 0.0, FINE(1e-11, 1e-4));
+            for (size_t i = 0; i < p.n; i++) o.before[sim.p.id[i]] = (double)sim.p.div_v[i];
+        }
+        sphpa_sim_free(&sim);
+        sphpa_particles_free(&p);
     }
 }
 
@@ -1199,6 +1280,7 @@ int main(void) {
         cmocka_unit_test(collision_conserves),
         cmocka_unit_test(pressed_block_cools),
         cmocka_unit_test(heat_is_that_of_the_own_stress),
+        cmocka_unit_test(continuity_is_the_rate_of_the_sum),
         cmocka_unit_test(rotation_has_no_strain_rate),
         cmocka_unit_test(rotation_is_not_strain),
         cmocka_unit_test(bodies_do_not_glue),
