@@ -288,7 +288,7 @@ SPHPA_EXTERN_C_BEGIN_
     X(OK, "success", "nothing to do")                                                              \
     X(STOPPED, "the run was asked to stop", "resume it from the checkpoint")                       \
     X(ERROR_NOT_CONVERGED, "the iteration did not converge",                                       \
-      "loosen the tolerance, allow more iterations, or use the default solver")                    \
+      "use the default solver (crush space), loosen the tolerance or allow more iterations")       \
     X(ERROR_ALPHA, "alpha_old lies outside [1, alpha0]",                                           \
       "pass the distention of the last accepted state, between 1 and the curve's alpha0")          \
     X(ERROR_NEGATIVE, "a density, energy, mass or length is negative or zero",                     \
@@ -2208,10 +2208,12 @@ SPHPA_EXTERN_C_BEGIN_
 #define SPHPA_PI_ 3.14159265358979323846264338327950288
 
 /* the allocator hook: define all three, or none */
-#ifndef SPHPA_MALLOC
+#if !defined(SPHPA_MALLOC) && !defined(SPHPA_REALLOC) && !defined(SPHPA_FREE)
 #define SPHPA_MALLOC(bytes) malloc(bytes)
 #define SPHPA_REALLOC(pointer, bytes) realloc(pointer, bytes)
 #define SPHPA_FREE(pointer) free(pointer)
+#elif !defined(SPHPA_MALLOC) || !defined(SPHPA_REALLOC) || !defined(SPHPA_FREE)
+#error "sphpa.h: define SPHPA_MALLOC, SPHPA_REALLOC and SPHPA_FREE, all three or none"
 #endif
 
 /* SPHPA_ASSERT: cheap, always on; SPHPA_VALIDATE: whole arrays, in test builds only */

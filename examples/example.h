@@ -197,15 +197,28 @@ static inline void example_help_(const char *about, const example_option *option
     printf("  %-28s %s\n  %-28s %s\n", "--help", "this text", "--version", "the toolkit's version");
 }
 
+/* "write --speed 2580": with what the variable holds before it is set, its default */
+static inline _Noreturn void example_refuse_(const example_option *option, const char *text,
+                                             const char *why) {
+    fprintf(stderr, "%s: --%s %s: %s; write --%s ", *example_name_(), option->name, text, why,
+            option->name);
+    if (option->kind == EXAMPLE_COUNT) fprintf(stderr, "%ld", *(long *)option->value);
+    if (option->kind == EXAMPLE_NUMBER) fprintf(stderr, "%g", *(double *)option->value);
+    for (int k = 0; k < option->length; k++)
+        fprintf(stderr, k ? ",%g" : "%g", ((double *)option->value)[k]);
+    fprintf(stderr, " or the like\n");
+    exit(2);
+}
+
 /* all of *text up to the character `end` as a number; *text goes on behind that */
 static inline double example_parse_number_(const example_option *option, const char *all, char end,
                                            const char **text) {
-    char *stop = NULL;
+    char *stop = NULL, why[80] = "not a finite number";
     double value = strtod(*text, &stop);
+    if (option->length > 1)
+        snprintf(why, sizeof why, "not %d finite numbers with commas between", option->length);
     if (stop == *text || *stop != end || !(value - value == 0.0))
-        example_fail(2, "--%s %s: not %s; write --%s %s", option->name, all,
-                     option->length > 1 ? "finite numbers with commas between" : "a finite number",
-                     option->name, option->length > 1 ? option->argument : "1.5e-3 or the like");
+        example_refuse_(option, all, why);
     if (!(value >= option->low && value <= option->high))
         example_fail(2, "--%s %s: out of range; it goes from %g to %g", option->name, all,
                      option->low, option->high);
@@ -225,10 +238,8 @@ static inline long example_parse_count_(const example_option *option, const char
     char *stop = NULL;
     errno = 0;
     long value = strtol(text, &stop, 10);
-    if (stop == text || *stop != '\0' || errno != 0)
-        example_fail(2, "--%s %s: not a whole number; write --%s %.0f or the like", option->name,
-                     text, option->name, option->low > 1000.0 ? option->low : 1000.0);
-    if ((double)value < option->low || (double)value > option->high)
+    if (stop == text || *stop != '\0') example_refuse_(option, text, "not a whole number");
+    if (errno != 0 || (double)value < option->low || (double)value > option->high)
         example_fail(2, "--%s %s: out of range; it goes from %.0f to %.0f", option->name, text,
                      option->low, option->high);
     return value;

@@ -189,7 +189,7 @@ static void print_results(const sphpa_sim *sim, const piston *p, const double l1
 
 static const char *picture =
     "set multiplot layout 2,2 "
-    "title 'a piston in a porous solid: SPH (points) and exact (lines)'\n"
+    "title case.': SPH (points) and exact (lines)'\n"
     "set xlabel 'x [mm]'\nunset key\nset grid lc rgb '#dddddd'\n"
     "set offsets 0, 0, graph 0.05, graph 0.05\nset xtics 20\n"
     "scale(k) = k == 1 ? 1e-9 : 1.0\n"
@@ -290,7 +290,10 @@ int main(int argc, char **argv) {
     measure_state(&sim, &pist);
     compare(&sim, &pist, matrix->rho0 / crush.alpha0, crush.alpha0, out, l1);
     print_results(&sim, &pist, l1, crush.alpha0, drift, &pores.stats);
-    (void)example_picture(out, "porous_piston.png", 1200, 850, picture);
+    char script[2048];
+    snprintf(script, sizeof script, "case = 'a piston at %g m/s in porous %s, %zu particles, t = %.3g s'"
+             "\n%s", v, porous ? "pumice" : "aluminium", sim.p.n, sim.time, picture);
+    (void)example_picture(out, "porous_piston.png", 1200, 850, script);
     sphpa_sim_free(&sim);
     sphpa_particles_free(&p);
     return 0;

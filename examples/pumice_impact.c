@@ -262,7 +262,7 @@ static bool impact_differs(const impact_settings *a, const impact_settings *b, c
     impact_list(a, one);
     impact_list(b, other);
     for (int k = 0; k < IMPACT_LISTED; k++) {
-        if (one[k].value == other[k].value) continue;
+        if (fabs(one[k].value - other[k].value) <= 1e-12 * fabs(other[k].value)) continue;
         snprintf(option, 32, "%.*s", (int)strcspn(one[k].name, " "), one[k].name);
         return true;
     }
@@ -280,8 +280,12 @@ static void impact_resume_path(const impact_run *run, char path[EXAMPLE_PATH + 3
     }
     snprintf(path, EXAMPLE_PATH + 32, "%s/checkpoint.hdf", run->out);
     FILE *there = fopen(path, "rb");
-    if (there != NULL) fclose(there);
-    else if (errno == ENOENT) path[0] = '\0';
+    if (there != NULL) {
+        fclose(there);
+    } else if (errno == ENOENT) {
+        if (!run->quiet) fprintf(stderr, "no %s: begins anew\n", path);
+        path[0] = '\0';
+    }
 }
 
 static sphpa_result impact_resume(impact_run *run, const char *path, sphpa_error *err) {
@@ -315,6 +319,9 @@ static sphpa_result impact_resume(impact_run *run, const char *path, sphpa_error
     run->resumed = 1;
     run->steps_begun = run->sim.stats.steps;
     snprintf(run->checkpoint, sizeof run->checkpoint, "%s", path);
+    if (!run->quiet)
+        fprintf(stderr, "goes on from %s: t = %g s, %llu steps\n", path, run->sim.time,
+                (unsigned long long)run->steps_begun);
     return SPHPA_OK;
 #else
     (void)run;
@@ -396,6 +403,17 @@ static void impact_open_logs(impact_run *run) {
                 "shows 0 until one comes\n", run->s.gauge[0], run->s.gauge[1], run->s.gauge[2]);
 }
 
+/* a run that was longer leaves outputs behind that this one does not write over */
+static void impact_warn_of_others(const impact_run *run) {
+    char name[64];
+    int beyond = (int)ceil(run->s.t_end / run->s.every - 1e-9) + 1;
+    snprintf(name, sizeof name, "cut_%04d.dat", beyond);
+    if (impact_there(run->out, name))
+        fprintf(stderr, "%s holds a longer run: its outputs from number %d on stay beside this "
+                "one's 0 to %d; remove them, or choose another --out\n", run->out, beyond,
+                beyond - 1);
+}
+
 static void impact_close_logs(impact_run *run) {
     if (run->log != NULL) fclose(run->log);
     if (run->gauge != NULL) fclose(run->gauge);
@@ -415,6 +433,7 @@ static sphpa_result impact_go(impact_run *run, sphpa_error *err) {
     plan.resumed = run->resumed;
     run->asked = example_stop_on_interrupt();
     impact_open_logs(run);
+    impact_warn_of_others(run);
     double since = example_clock();
     sphpa_result result = sphpa_sim_run(&run->sim, &plan, err);
     run->wall = example_clock() - since;
@@ -861,6 +880,8 @@ static void impact_check(const impact_settings *s, const impact_options *o) {
     size_t length = o->movie != NULL ? strlen(o->movie) : 0;
     if (strlen(o->out) > 960)
         example_fail(2, "--out %.60s...: give a name of at most 960 characters", o->out);
+    if ((o->sensitivity != NULL) + (o->movie != NULL) + (o->ensemble > 0) > 1)
+        example_fail(2, "--sensitivity, --movie and --ensemble are jobs of their own; give one");
     if (many != NULL && o->resume != NULL && strcmp(o->resume, "auto") != 0)
         example_fail(2, "--resume %s: with %s, which makes several runs, give --resume auto",
                      o->resume, many);
@@ -904,7 +925,7 @@ static void impact_parse(int argc, char **argv, impact_settings *s, impact_optio
         example_number("every", "s", &s->every, 0.0, 1e6, "between outputs; 0: 20 of them"),
         example_vector("gauge", "x,y,z", s->gauge, 3, "[m] pressure against time there"),
         example_number("link", "1", &s->link, 0.01, 10.0, "fragments: linking length, in supports"),
-        example_number("damage-below", "1", &s->damage_below, 0.0, 2.0, "fragments: particles' D"),
+        example_number("damage-below", "1", &s->damage_below, 0.0, 1.0, "fragments: particles' D"),
         example_text("target", "FILE.hdf", &o->target_file, "a snapshot as the target"),
         example_text("out", "DIR", &o->out, "where files and pictures go"),
         example_text("resume", "FILE|auto", &o->resume, "go on from a checkpoint; auto: if there"),

@@ -132,12 +132,16 @@ static void show(const sphpa_sim *sim, const sedov_solution *exact, double R, do
         fprintf(file.stream, "%.7g %.7g\n", R * exact->lambda[k], dense * exact->g[k]);
     fprintf(file.stream, "%.7g 1\n1 1\n", R);
     example_close(&file);
-    (void)example_picture(
-        out, "sedov.png", 900, 560,
+    char script[1024];
+    snprintf(
+        script, sizeof script,
+        "set title 'a point explosion in %d-D, gamma %.4g, %zu particles, t = %.4g'\n"
         "set xlabel 'distance r from the explosion'\nset ylabel 'density'\nset xrange [0:1]\n"
         "set yrange [0:*]\nset grid lc rgb '#dddddd'\nset key top left\n"
         "plot 'sph.dat' using 1:2 with points pt 7 ps 0.25 lc rgb '#1f5fa8' title 'SPH', \\\n"
-        "     'exact.dat' using 1:2 with lines lw 2 lc rgb '#c0392b' title 'Sedov, exact'");
+        "     'exact.dat' using 1:2 with lines lw 2 lc rgb '#c0392b' title 'Sedov, exact'",
+        sim->p.dim, gamma, sim->p.n, sim->time);
+    (void)example_picture(out, "sedov.png", 900, 560, script);
 }
 
 int main(int argc, char **argv) {

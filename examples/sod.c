@@ -71,7 +71,7 @@ static void compare(const sphpa_sim *sim, double gamma, const char *out) {
 }
 
 static const char *picture =
-    "set multiplot layout 1,3 title \"Sod's shock tube: SPH (points) and the exact solution\"\n"
+    "set multiplot layout 1,3 title \"Sod's shock tube, \".case.\": SPH (points) and the exact solution\"\n"
     "set xrange [0:1]\nset xlabel 'x'\nset xtics 0.25\nunset key\nset grid lc rgb '#dddddd'\n"
     "set offsets 0, 0, graph 0.05, graph 0.05\n"
     "do for [k=1:3] {\n"
@@ -155,7 +155,10 @@ int main(int argc, char **argv) {
     static char report[8192];
     (void)sphpa_sim_report(&sim, report, sizeof report);
     fputs(report, stdout);
-    (void)example_picture(out, "sod.png", 1200, 420, picture);
+    char script[2048];
+    snprintf(script, sizeof script, "case = '%ld particles, gamma %g, t = %g'\n%s", particles, gamma,
+             t_end, picture);
+    (void)example_picture(out, "sod.png", 1200, 420, script);
     sphpa_sim_free(&sim);
     sphpa_particles_free(&p);
     return 0;

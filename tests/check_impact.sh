@@ -36,6 +36,11 @@ run() { # run ARGUMENTS..: $status, and the files stdout and stderr
     "$program" $small "$@" > "$work/stdout" 2> "$work/stderr" < /dev/null
     status=$?
 }
+said() { # the same, not --quiet
+    # shellcheck disable=SC2086
+    "$program" ${small% --quiet} "$@" > "$work/stdout" 2> "$work/stderr" < /dev/null
+    status=$?
+}
 lines() { wc -l < "$1" | tr -d ' '; }
 shows() { # shows FILE PATTERN WHAT
     grep -Eq -e "$2" "$1" || { failed "$3: no line like \"$2\" in:"; head -n 5 "$1"; }
@@ -91,6 +96,12 @@ refused 2 'no such option' particles
 refused 2 'not a whole number' --particles many
 refused 2 'not a whole number' --particles 1e3
 refused 2 'out of range; it goes from' --particles 3
+refused 2 'out of range; it goes from' --particles 99999999999999999999
+refused 2 'write --threads 0 or the like' --threads 1.5
+refused 2 'write --speed 2580 or the like' --speed=
+refused 2 'write --viscosity 1,3 or the like' --viscosity 1
+refused 2 'out of range; it goes from' --damage-below 1.5
+refused 2 'give one' --ensemble 2 --movie film.gif
 refused 2 'not a finite number' --speed fast
 refused 2 'not a finite number' --speed nan
 refused 2 'not a finite number' --speed inf
@@ -198,16 +209,20 @@ else
         same_run "$work/unstopped" "$work/killed" "killed and resumed" 0002
         say "killed and resumed: the same bits"
     fi
-    run --out "$work/new" --resume auto
+    said --out "$work/new" --resume auto
     [ "$status" = 0 ] || failed "--resume auto without a checkpoint: exit status $status"
+    shows "$work/stderr" "no $work/new/checkpoint.hdf: begins anew" "--resume auto without a checkpoint"
     same_run "$work/whole" "$work/new" "--resume auto without a checkpoint"
-    run --out "$work/new" --resume auto
+    said --out "$work/new" --resume auto --every 1.5e-7
     [ "$status" = 0 ] || failed "--resume auto of a finished run: exit status $status"
+    shows "$work/stderr" "goes on from $work/new/checkpoint.hdf: t = 3e-06 s" "--resume auto of a finished run"
     shows "$work/stdout" '^largest fragment: ' "--resume auto of a finished run"
     same_run "$work/whole" "$work/new" "--resume auto of a finished run"
     run --out "$work/new" --resume auto --t-end 3.3e-6
     [ "$status" = 0 ] || failed "a later --t-end: exit status $status"
     [ -f "$work/new/impact_0022.hdf" ] || failed "a later --t-end does not go on"
+    run --out "$work/new"
+    shows "$work/stderr" "holds a longer run: its outputs from number 21 on" "a shorter run into the same folder"
 fi
 [ -n "$no_h5py" ] && skip "the bits of snapshots and checkpoints" "no h5py: only logs and tables were compared"
 

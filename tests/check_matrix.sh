@@ -192,5 +192,16 @@ if have nm && [ $bad = 0 ]; then
         failed "no function of the float build ends in _f32: float and double would link together"
     fi
 fi
+
+# ---- the allocator: all three or none ----
+if have "$cc"; then
+    echo '#include "sphpa.h"' > "$work/alloc.c"
+    if $cc -std=c11 -I"$include" -DSPHPA_MALLOC=malloc -DSPHPA_IMPLEMENTATION -c "$work/alloc.c" -o "$work/alloc.o" 2> "$work/alloc.log"; then
+        failed "SPHPA_MALLOC alone, without _REALLOC and _FREE, compiles"
+    elif ! grep -q 'all three or none' "$work/alloc.log"; then
+        failed "SPHPA_MALLOC alone: not told so:"
+        head -n 3 "$work/alloc.log"
+    fi
+fi
 [ $failures = 0 ] && rm -rf "$work/jobs" # some hundred objects
 finish "$count builds without a warning"
