@@ -8264,7 +8264,9 @@ SPHPA_PRIVATE_ sphpa_gas_sum_ sphpa_gas_sum_at_(const sphpa_sim *sim, const sphp
 }
 
 /* Equation (1) by Newton in h, kept between bounds that close in; the last step is too small for a
-   new sum, the density follows by its derivative: both are good to rounding, whatever h came in. */
+   new sum, the density follows by its derivative: both are good to rounding, whatever h came in.
+   The Gaussian ends in a jump: where rho leaps over the root as h grows past a neighbour, the bounds
+   close on the jump, and h stays there. */
 SPHPA_PRIVATE_ void sphpa_gas_density_(sphpa_sim *sim, void *params, const sphpa_neighbours *near) {
     const sphpa_gas_params *gas = (const sphpa_gas_params *)params;
     size_t i = near->i;
@@ -8276,7 +8278,7 @@ SPHPA_PRIVATE_ void sphpa_gas_density_(sphpa_sim *sim, void *params, const sphpa
     bool done = false;
     for (size_t k = 0; k < near->count; k++) mass[k] = (double)sim->p.m[near->j[k]];
     sphpa_gas_sum_ sum = sphpa_gas_sum_at_(sim, near, mass, h);
-    for (int step = 0; step < 50 && !done; step++) {
+    for (int step = 0; step < 200 && !done; step++) {
         double x = eta / h, want = m * x * (dim > 1 ? x : 1.0) * (dim > 2 ? x : 1.0);
         double F = want - sum.rho, dF = -dim * want / h - sum.drho_dh, change = -F / dF;
         if (fabs(change) <= 1e-10 * h) {
@@ -8288,6 +8290,10 @@ SPHPA_PRIVATE_ void sphpa_gas_density_(sphpa_sim *sim, void *params, const sphpa
         }
         if (F > 0.0) low = h;
         else high = h;
+        if (high - low <= 1e-14 * h) {
+            done = true;
+            break;
+        }
         double next = dF < 0.0 ? h + change : (F > 0.0 ? 1.2 * h : 0.8 * h);
         next = sphpa_clamp_(next, 0.8 * h, 1.25 * h);
         if (!(next > low && next < high)) next = high < HUGE_VAL ? 0.5 * (low + high) : 1.25 * h;
