@@ -4133,6 +4133,20 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_dip_(sphpa_palpha_eval_ eval, sphpa_palpha
     return false;
 }
 
+/* *lo with F <= 0 and *hi with F > 0 hold an odd number of zeros: halves while P falls with alpha at
+   an end, so that the highest one is alone. False: an evaluation failed. */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_highest_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
+                                               sphpa_palpha_point_ *lo, sphpa_palpha_point_ *hi) {
+    sphpa_palpha_point_ middle, low;
+    for (int k = 0; k < 6 && lo->F <= 0.0 && (lo->D < 0.0 || hi->D < 0.0); k++) {
+        if (!sphpa_palpha_at_(eval, task, 0.5 * (lo->alpha + hi->alpha), &middle)) return false;
+        if (middle.F <= 0.0) *lo = middle;
+        else if (sphpa_palpha_dip_(eval, task, middle, hi, &low)) *lo = low;
+        if (task->result != SPHPA_OK) return false;
+    }
+    return true;
+}
+
 /* Where nothing shows that F has one zero only: look inward from the top in eight steps for the first
    change of sign, and between two of them for dips. A pair of roots is missed where P rises and falls
    twice within a step, or where the two are within some 1e-6 of the bracket. True: the root is in
@@ -4149,6 +4163,7 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_scan_(sphpa_palpha_eval_ eval, sphpa_palph
         if (next.F > 0.0 && sphpa_palpha_dip_(eval, task, next, &above, &low)) next = low;
         if (task->result != SPHPA_OK) return false;
         if (next.F <= 0.0) {
+            if (!sphpa_palpha_highest_(eval, task, &next, &above)) return false;
             *lo = next.alpha;
             *hi = above.alpha;
             *point = next.F < 0.0 && above.F < -next.F ? above : next;
