@@ -26,6 +26,7 @@ typedef struct scene_of {
     sphpa_cracks_params cracks;
     sphpa_sim_options options;
     double pull; /* [1/s] every particle flies on as it was: strain along x alone, of this rate */
+    int porous;  /* with the particles' alpha, which a pass of the scene names and none changes */
     int damage_first;
 } scene_of;
 
@@ -69,6 +70,7 @@ static sphpa_result create(scene_of *s, const sphpa_particles *initial, sphpa_si
     fly.pass[0].stage = SPHPA_STAGE_FORCES;
     fly.pass[0].writes = SPHPA_F(a);
     fly.pass[0].particle = no_force;
+    if (s->porous) fly.pass[0].reads = SPHPA_F(alpha);
     for (int k = 0; k < 2; k++) s->material[k].eos = sphpa_murnaghan_eos(&s->rock);
     s->solid.material = s->material;
     s->cracks.solid = &s->solid;
@@ -91,7 +93,7 @@ static void step(sphpa_sim *sim, double limit) {
     ok(sphpa_sim_step(sim, limit, &err), &err);
 }
 
-static sphpa_particles cube(int edge, double pull) {
+static sphpa_particles porous_cube(int edge, double pull, double alpha) {
     sphpa_particles p;
     sphpa_body body;
     sphpa_error err;
@@ -100,10 +102,15 @@ static sphpa_particles cube(int edge, double pull) {
     memset(&p, 0, sizeof p);
     body.rho = 1.0;
     body.u = 1.0;
+    body.alpha = alpha;
     body.spacing = 1.0 / edge;
     ok(sphpa_make_box(&p, low, high, &body, &err), &err);
     for (size_t i = 0; i < p.n; i++) p.v[3 * i] = (sphpa_real)(pull * p.x[3 * i]);
     return p;
+}
+
+static sphpa_particles cube(int edge, double pull) {
+    return porous_cube(edge, pull, 1.0);
 }
 
 /* where the particle of that number is */
@@ -264,20 +271,53 @@ static void bodies_and_materials(void **state) {
     sphpa_particles_free(&p);
 }
 
+/* Of porous bodies the flaws are those of the solid volume, V/alpha. */
+static void pores_have_no_flaws(void **state) {
+    (void)state;
+    for (int kind = 0; kind < 3; kind++) { /* all kept, compressed, sampled */
+        double weakest[2], sum[2] = {0.0, 0.0};
+        for (int k = 0; k < 2; k++) {
+            const double alpha = k == 0 ? 1.0 : 3.0;
+            sphpa_particles p = porous_cube(6, 0.1, alpha);
+            scene_of s = rock();
+            s.pull = 0.1;
+            s.porous = 1;
+            s.cracks.keep_all = kind == 0;
+            s.cracks.sampled = kind == 2;
+            sphpa_sim sim;
+            start(&s, &p, &sim);
+            weakest[k] = HUGE_VAL;
+            for (size_t i = 0; i < sim.p.n; i++) {
+                weakest[k] = fmin(weakest[k], sim.p.flaw_min[i]);
+                sum[k] += log(sim.p.flaw_min[i]);
+            }
+            if (kind < 2)
+                assert_near(weakest[k], pow(alpha / 1e12, 1.0 / 9.0),
+                            FINE(1e-12, FLOAT_ROUNDING / 9.0));
+            sphpa_sim_free(&sim);
+            sphpa_particles_free(&p);
+        }
+        /* the same draws, each at a strain that is 3^(1/9) times as large */
+        assert_near(weakest[1] / weakest[0], pow(3.0, 1.0 / 9.0), FINE(1e-12, FLOAT_ROUNDING));
+        assert_near((sum[1] - sum[0]) / 216.0, log(3.0) / 9.0, FINE(1e-12, FLOAT_ROUNDING));
+    }
+}
+
 /* ---- growth against one state alone -------------------------------------------------------------- */
 
-/* The state of one particle under v = pull x along x, by itself. */
+/* The state of one particle under v = pull x along x, by itself. Of porous matter: S and P are the
+   bulk's, the strain that opens flaws and the density in the cracks' speed are the matrix's. */
 typedef struct alone {
     double D13, n_act, sigma; /* sigma: (1-D) (S_xx - P) */
 } alone;
 
 /* the step from t to t + dt: strain e, density, elastic stress, flaws, growth */
 static void advance_alone(alone *one, const sphpa_flaws *flaws, double pull, double t, double dt,
-                          double h0) {
+                          double h0, double alpha) {
     double e = log(1.0 + pull * (t + dt)), rho = exp(-e), P = rho - 1.0;
-    double S_xx = 4.0 / 3.0 * 0.6 * e, strain = (S_xx - P) / sphpa_damage_young(1.0, 0.6);
+    double S_xx = 4.0 / 3.0 * 0.6 * e, strain = alpha * (S_xx - P) * 3.6 / (9.0 * 0.6);
     one->n_act = fmax(one->n_act, sphpa_flaws_active(flaws, strain));
-    double c_g = 0.4 * sqrt((1.0 + 0.8) / rho), radius = 2.0 * fmin(h0 * exp(e / 3.0), 1.5 * h0);
+    double c_g = 0.4 * sqrt((1.0 + 0.8) / (alpha * rho)), radius = 2.0 * fmin(h0 * exp(e / 3.0), 1.5 * h0);
     one->D13 = fmax(one->D13, fmin(cbrt(one->n_act / flaws->count),
                                    one->D13 + dt * cbrt(one->n_act) * c_g / radius));
     one->sigma = (1.0 - fmin(1.0, one->D13 * one->D13 * one->D13)) * (S_xx - P);
@@ -299,13 +339,15 @@ static void damage_grows_as_of_one_state(void **state) {
     (void)state;
     const double pull = 0.2, dt = 0.005;
     const int steps = 160;
-    for (int integrator = 0; integrator < 2; integrator++) {
-        sphpa_particles p = cube(8, pull);
+    for (int kind = 0; kind < 3; kind++) { /* both integrators, dense; one with pores */
+        const double alpha = kind == 2 ? 1.5 : 1.0;
+        sphpa_particles p = porous_cube(8, pull, alpha);
         scene_of s = rock();
         s.pull = pull;
+        s.porous = kind == 2;
         s.solid.any_neighbour = 1;
         s.options.dt_fixed = dt;
-        s.options.integrator = (sphpa_integrator)integrator;
+        s.options.integrator = (sphpa_integrator)(kind % 2);
         sphpa_sim sim;
         start(&s, &p, &sim);
         double *before = (double *)calloc(p.n, 2 * sizeof *before);
@@ -315,7 +357,7 @@ static void damage_grows_as_of_one_state(void **state) {
                 double *old = before + 2 * sim.p.id[i], D13 = (double)sim.p.D13[i];
                 double n_act = (double)sim.p.n_act[i];
                 assert_true(D13 >= old[0] && n_act >= old[1]);
-                double most = old[0] + dt * cbrt(n_act) * 0.4 * sqrt(1.8 / sim.p.rho[i]) /
+                double most = old[0] + dt * cbrt(n_act) * 0.4 * sqrt(1.8 / (alpha * sim.p.rho[i])) /
                                            (2.0 * (double)sim.p.h[i]);
                 /* D13 is rounded, and a third of the rounding of n_act is in `most` */
                 assert_true(D13 <= most * (1.0 + FINE(1e-12, 4.0 / 3.0 * FLOAT_ROUNDING)));
@@ -333,7 +375,7 @@ static void damage_grows_as_of_one_state(void **state) {
             alone one = {0.0, 0.0, 0.0};
             if (!inside(sim.p.id[i], 8)) continue;
             for (int k = 0; k < steps; k++)
-                advance_alone(&one, &flaws, pull, k * dt, dt, (double)sim.p.h0[i]);
+                advance_alone(&one, &flaws, pull, k * dt, dt, (double)sim.p.h0[i], alpha);
             assert_near_abs((double)sim.p.n_act[i], one.n_act, 0.1);
             assert_near_abs((double)sim.p.D13[i], one.D13, 2e-3);
             checked++;
@@ -378,7 +420,8 @@ static double strength(double pull, double *expected) {
             double whole = 1.0 - (double)sim.p.D[i];
             sphpa_flaws flaws = flaws_of(&sim.p, i);
             sum += whole * (double)(sim.p.S[6 * i] - sim.p.P[i]) / 64.0;
-            advance_alone(&one[sim.p.id[i]], &flaws, pull, t, sim.dt, (double)sim.p.h0[i]);
+            advance_alone(&one[sim.p.id[i]], &flaws, pull, t, sim.dt, (double)sim.p.h0[i],
+                          1.0);
             other += one[sim.p.id[i]].sigma / 64.0;
         }
         most = fmax(most, sum);
@@ -552,21 +595,41 @@ static void compressed_agrees_with_all(void **state) {
     assert_near(mean[0], mean[1], 0.06);
 }
 
+/* the time in which D13 grows by `growth` where it grows fastest and has that far to go */
+static double time_of_growth(const sphpa_sim *sim, double growth, double alpha) {
+    double least = HUGE_VAL;
+    for (size_t i = 0; i < sim->p.n; i++) {
+        double root = cbrt((double)sim->p.n_act[i]);
+        if (!(root / cbrt(sim->p.flaw_count[i]) > (double)sim->p.D13[i] + growth)) continue;
+        double c_g = 0.4 * sqrt(1.8 / (alpha * sim->p.rho[i]));
+        least = fmin(least, growth * 2.0 * (double)sim->p.h[i] / (root * c_g));
+    }
+    return least;
+}
+
 static void damage_limits_the_step(void **state) {
     (void)state;
-    sphpa_particles p = cube(6, 0.4);
-    scene_of s = rock();
-    s.pull = 0.4;
-    s.cracks.growth = 0.001;
-    sphpa_sim sim;
-    start(&s, &p, &sim);
-    while (sim.time < 0.5) step(&sim, 0.5 - sim.time);
-    uint64_t steps = 0;
-    for (int k = 0; k < sim.stats.limits; k++)
-        if (strcmp(sim.stats.limit[k].name, "damage growth") == 0) steps = sim.stats.limit[k].steps;
-    assert_true(steps > 10);
-    sphpa_sim_free(&sim);
-    sphpa_particles_free(&p);
+    for (int porous = 0; porous < 2; porous++) {
+        const double alpha = porous ? 2.0 : 1.0;
+        sphpa_particles p = porous_cube(6, 0.4, alpha);
+        scene_of s = rock();
+        s.pull = 0.4;
+        s.porous = porous;
+        s.cracks.growth = 0.001;
+        sphpa_sim sim;
+        start(&s, &p, &sim);
+        uint64_t steps = 0;
+        while (sim.time < 0.5) {
+            step(&sim, 0.5 - sim.time);
+            if (strcmp(sim.stats.limit[sim.stats.limit_last].name, "damage growth") != 0) continue;
+            assert_near(sim.dt_next, time_of_growth(&sim, s.cracks.growth, alpha),
+                        FINE(1e-12, 4.0 * FLOAT_ROUNDING));
+            steps++;
+        }
+        assert_true(steps > 10);
+        sphpa_sim_free(&sim);
+        sphpa_particles_free(&p);
+    }
 }
 
 static void order_of_adding_does_not_matter(void **state) {
@@ -701,6 +764,7 @@ int main(void) {
         cmocka_unit_test(seeds_decide),
         cmocka_unit_test(streams_are_apart),
         cmocka_unit_test(bodies_and_materials),
+        cmocka_unit_test(pores_have_no_flaws),
         cmocka_unit_test(damage_grows_as_of_one_state),
         cmocka_unit_test(strength_is_that_of_the_particles),
         cmocka_unit_test(faster_rods_are_stronger),
