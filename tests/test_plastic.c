@@ -26,6 +26,8 @@ typedef struct scene_of {
     sphpa_yield yield;
     sphpa_sim_options options;
     int free, yield_first; /* not 0: forces act; plastic is added before solid */
+    int worn;              /* a pass gives every particle D, and names alpha, which they brought along */
+    double D;
 } scene_of;
 
 static scene_of metal(sphpa_yield_kind kind, double Y0) {
@@ -55,6 +57,13 @@ static sphpa_result no_force(sphpa_sim *sim, void *params, size_t first, size_t 
     return SPHPA_OK;
 }
 
+static sphpa_result give_damage(sphpa_sim *sim, void *params, size_t first, size_t last,
+                                size_t *bad) {
+    (void)bad;
+    for (size_t i = first; i < last; i++) sim->p.D[i] = (sphpa_real)*(const double *)params;
+    return SPHPA_OK;
+}
+
 static void start(scene_of *s, const sphpa_particles *initial, sphpa_sim *sim) {
     sphpa_scene scene;
     sphpa_module fly;
@@ -67,6 +76,15 @@ static void start(scene_of *s, const sphpa_particles *initial, sphpa_sim *sim) {
     fly.pass[0].stage = SPHPA_STAGE_FORCES;
     fly.pass[0].writes = SPHPA_F(a);
     fly.pass[0].particle = no_force;
+    if (s->worn) {
+        fly.params = &s->D;
+        fly.passes = 2;
+        fly.pass[1].name = "given damage";
+        fly.pass[1].stage = SPHPA_STAGE_GRADIENTS;
+        fly.pass[1].reads = SPHPA_F(alpha);
+        fly.pass[1].writes = SPHPA_F(D);
+        fly.pass[1].particle = give_damage;
+    }
     s->material.eos = sphpa_murnaghan_eos(&s->metal);
     s->solid.material = &s->material;
     s->plastic.yield = &s->yield;
@@ -163,6 +181,54 @@ static void uniaxial_strain_follows_the_cycle(void **state) {
     assert_near(sim.p.u[i] - 0.01, work, 2e-3);
     sphpa_sim_free(&sim);
     sphpa_particles_free(&p);
+}
+
+/* ---- pores and damage --------------------------------------------------------------------------- */
+
+/* The surface of Collins, written out, for pressure P of the matrix at or above 0. */
+static double collins_by_hand(const sphpa_yield *y, double P, double u, double D) {
+    double whole = y->Y0 + y->mu_i * P / (1.0 + y->mu_i * P / (y->Ym - y->Y0));
+    double broken = fmin(y->mu_d * P, whole);
+    return ((1.0 - D) * whole + D * broken) * (1.0 - u / y->u_melt);
+}
+
+/* Of porous and damaged rock the surface is the matrix's, at its pressure alpha P and with D, and the
+   bulk's deviator reaches it over alpha: in uniaxial strain sqrt(J2) = sqrt(3)/2 |S_xx|. */
+static void pores_and_damage_weaken(void **state) {
+    (void)state;
+    double S[2][2];
+    for (int porous = 0; porous < 2; porous++)
+        for (int damaged = 0; damaged < 2; damaged++) {
+            const double alpha = porous ? 1.6 : 1.0, D = damaged ? 0.4 : 0.0;
+            sphpa_particles p = disc(3, 0.22);
+            for (size_t i = 0; i < p.n; i++) {
+                p.v[3 * i] = (sphpa_real)(-0.2 * p.x[3 * i]);
+                p.alpha[i] = alpha;
+            }
+            scene_of s = metal(SPHPA_YIELD_COLLINS, 0.005);
+            s.yield.Ym = 0.3;
+            s.yield.mu_i = 0.4;
+            s.yield.mu_d = 0.2;
+            s.yield.u_melt = 0.5;
+            s.worn = 1;
+            s.D = D;
+            s.options.dt_fixed = 0.01;
+            sphpa_sim sim;
+            start(&s, &p, &sim);
+            until(&sim, 1.0);
+            size_t i = middle(&sim.p);
+            double P = (double)sim.p.P[i];
+            assert_near(P, sim.p.rho[i] - 1.0, FINE(1e-12, FLOAT_ROUNDING / 0.2));
+            assert_near((double)sim.p.D[i], D, FLOAT_ROUNDING);
+            double Y = collins_by_hand(&s.yield, alpha * P, sim.p.u[i], D) / alpha;
+            assert_near(0.5 * sqrt(3.0) * fabs((double)sim.p.S[6 * i]), Y, FINE(1e-6, 1e-5));
+            S[porous][damaged] = fabs((double)sim.p.S[6 * i]);
+            sphpa_sim_free(&sim);
+            sphpa_particles_free(&p);
+        }
+    /* each matters: 1/alpha where friction does not help, D where it does */
+    assert_true(S[1][0] < 0.95 * S[0][0]);
+    assert_true(S[0][1] < 0.95 * S[0][0] && S[1][1] < 0.95 * S[1][0]);
 }
 
 /* ---- simple shear ------------------------------------------------------------------------------- */
@@ -346,6 +412,7 @@ static void bad_input_is_named(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(uniaxial_strain_follows_the_cycle),
+        cmocka_unit_test(pores_and_damage_weaken),
         cmocka_unit_test(simple_shear_flows),
         cmocka_unit_test(plastic_work_heats),
         cmocka_unit_test(order_of_adding_does_not_matter),
