@@ -4195,8 +4195,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_crush_space_(sphpa_palpha_eval_ eval,
    only acts below Pe, where F does not see P. */
 SPHPA_PRIVATE_ bool sphpa_palpha_one_root_(const sphpa_tillotson *mat, double rho, double u) {
     double eta = rho / mat->rho0;
-    if (eta >= 1.0) return mat->B >= 0.0 || mat->A + mat->B * (eta * eta - 1.0) >= 0.0;
-    if (mat->B < 0.0) return false;
+    if (mat->B < 0.0 || eta >= 1.0) return mat->B >= 0.0; /* B < 0: it falls somewhere above */
     bool cold = mat->zero_B_expanded != 0 || mat->A + mat->B * (eta * eta - 1.0) >= 0.0;
     if (u <= mat->u_iv) return cold;
     if (!cold && u < mat->u_cv) return false;

@@ -575,6 +575,52 @@ static void test_solvers_other_curves(void **unused) {
     }
 }
 
+/* a caller's curve with a mistake: its slope is not its own but `share` of it */
+typedef struct wrong_slope {
+    double range[3], share;
+} wrong_slope;
+
+static double user_mistaken(const void *user, double P, double *dalpha_dP) {
+    const wrong_slope *wrong = (const wrong_slope *)user;
+    double alpha = user_cosine(wrong->range, P, dalpha_dP);
+    *dalpha_dP *= wrong->share;
+    return alpha;
+}
+
+/* such a curve costs evaluations, or ends in NOT_CONVERGED; it never gives an alpha that is none */
+static void test_wrong_slopes(void **unused) {
+    (void)unused;
+    const double shares[7] = {0.0, 0.01, 0.3, 3.0, 100.0, -1.0, -0.01};
+    sphpa_tillotson mat = material("basalt");
+    sphpa_rng rng = sphpa_rng_seed(31, 5);
+    int solved = 0, states = 0;
+    for (int i = 0; i < 14000; i++) {
+        wrong_slope wrong = {{2e6, 3e8, 3.0}, shares[i % 7]};
+        sphpa_crush c = user_curve();
+        c.function = user_mistaken;
+        c.user = &wrong;
+        if (i % 3 == 0) c = herrmann(c, 2700.0, 3145.0);
+        state s = draw_state(&rng, &mat, c.alpha0);
+        sphpa_palpha_solution a, b;
+        assert_int_equal(sphpa_palpha_solve(SPHPA_PALPHA_BISECTION, &mat, &c, s.rho, s.u,
+                                            s.alpha_old, NULL, &b), SPHPA_OK);
+        for (int v = 0; v < 4; v++) {
+            sphpa_result r = sphpa_palpha_solve((sphpa_palpha_solver)v, &mat, &c, s.rho, s.u,
+                                                s.alpha_old, NULL, &a);
+            if (v == SPHPA_PALPHA_NEWTON) continue; /* has nothing but slopes to go by */
+            states++;
+            if (r == SPHPA_ERROR_NOT_CONVERGED) continue;
+            assert_int_equal(r, SPHPA_OK);
+            if (!(fabs(a.alpha - b.alpha) <= 1e-9))
+                fail_msg("solver %d, slope times %g, rho %.17g u %.17g alpha_old %.17g: %.17g, not "
+                         "%.17g", v, wrong.share, s.rho, s.u, s.alpha_old, a.alpha, b.alpha);
+            solved++;
+        }
+    }
+    print_message("# curves with wrong slopes: %d of %d solved\n", solved, states);
+    assert_true(solved > states / 2);
+}
+
 /* Curves of any shape: steep, flat, narrow, with kinks (n = 1); FLAT against long double, HERRMANN
    against bisection of the same F. */
 static void test_solvers_odd_curves(void **unused) {
@@ -724,6 +770,45 @@ static void test_several_roots(void **unused) {
     }
     assert_true(several > states / 15);
     assert_int_equal(missed, 0);
+}
+
+/* The states that are solved without a look for a second root: of any Tillotson material, where the
+   header says so, P_m(alpha rho, u)/alpha never falls with alpha, rho dP/drho >= P, up to 30 rho. */
+static void test_one_root(void **unused) {
+    (void)unused;
+    sphpa_rng rng = sphpa_rng_seed(41, 1);
+    int said[4] = {0, 0, 0, 0}, held_back = 0;
+    for (int i = 0; i < 60000; i++) {
+        sphpa_tillotson mat = material("basalt");
+        mat.B = mat.A * (3.0 * sphpa_rng_uniform(&rng) - (i % 4 == 0));
+        mat.a = 0.1 + sphpa_rng_uniform(&rng);
+        mat.b = pow(10.0, -1.0 + 2.0 * sphpa_rng_uniform(&rng));
+        mat.E0 = mat.A / mat.rho0 * pow(10.0, -1.0 + 2.5 * sphpa_rng_uniform(&rng));
+        mat.u_iv = mat.E0 * pow(10.0, -2.0 + 2.0 * sphpa_rng_uniform(&rng));
+        mat.u_cv = mat.u_iv * (1.2 + 5.0 * sphpa_rng_uniform(&rng));
+        mat.alpha = pow(10.0, -0.3 + 1.5 * sphpa_rng_uniform(&rng));
+        mat.beta = pow(10.0, -0.3 + 1.5 * sphpa_rng_uniform(&rng));
+        mat.zero_B_expanded = i % 2;
+        double rho = mat.rho0 * pow(10.0, -1.5 + 1.7 * sphpa_rng_uniform(&rng));
+        double u = mat.u_iv * pow(10.0, -1.0 + 3.0 * sphpa_rng_uniform(&rng));
+        int kind = rho >= mat.rho0 ? 0 : u <= mat.u_iv ? 1 : u < mat.u_cv ? 2 : 3;
+        if (!sphpa_palpha_one_root_(&mat, rho, u)) {
+            held_back++;
+            continue;
+        }
+        said[kind]++;
+        for (int k = 0; k <= 100; k++) {
+            double at = rho * pow(30.0, 0.01 * k);
+            sphpa_eos_point point;
+            assert_int_equal(sphpa_tillotson_eval(&mat, at, u, &point), SPHPA_OK);
+            if (at * point.dP_drho - point.P >= -1e-12 * (fabs(point.P) + mat.A)) continue;
+            fail_msg("material %d, rho %.17g of %g, u %g: falls by %g at %.17g", i, rho, mat.rho0, u,
+                     point.P - at * point.dP_drho, at);
+        }
+    }
+    print_message("# one root: compressed %d, cold %d, hybrid %d, vapour %d; not said of %d\n",
+                  said[0], said[1], said[2], said[3], held_back);
+    for (int kind = 0; kind < 4; kind++) assert_true(said[kind] > 1000);
 }
 
 /* ---- edges and errors ------------------------------------------------------------------------ */
@@ -1155,9 +1240,11 @@ int main(void) {
         cmocka_unit_test(test_solvers_herrmann),
         cmocka_unit_test(test_solvers_other_curves),
         cmocka_unit_test(test_solvers_odd_curves),
+        cmocka_unit_test(test_wrong_slopes),
         cmocka_unit_test(test_tolerances),
         cmocka_unit_test(test_newton_cycles),
         cmocka_unit_test(test_several_roots),
+        cmocka_unit_test(test_one_root),
         cmocka_unit_test(test_edges),
         cmocka_unit_test(test_cut_offs),
         cmocka_unit_test(test_errors),
