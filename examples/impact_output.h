@@ -14,6 +14,40 @@ typedef struct impact_history {
     impact_record record[IMPACT_RECORDS];
 } impact_history;
 
+#define IMPACT_WINDOW 2e-5   /* [s] of the run's end over which the largest fragment is watched */
+#define IMPACT_SHORTEST 5e-5 /* [s] a run that is shorter tells nothing about the end */
+
+/* How the largest fragment goes on at the end of a run: over its last 20 us or its last fifth,
+   whichever is longer, however many outputs lie in them. */
+typedef struct impact_trend {
+    int outputs;         /* that were looked at */
+    double span, change; /* [s] they cover; [1] largest less least share of the target's mass */
+    double last_two;     /* [1] between the last two outputs */
+    bool short_run, few; /* cannot be told: the run is too short; less than three outputs */
+    bool settled;        /* the change is below 0.01 */
+} impact_trend;
+
+static impact_trend impact_trend_of(const impact_history *history) {
+    impact_trend trend;
+    int last = history->count - 1;
+    double end = history->record[last].time, window = fmax(IMPACT_WINDOW, 0.2 * end);
+    double least = history->record[last].largest, most = least;
+    memset(&trend, 0, sizeof trend);
+    for (int k = last; k >= 0 && history->record[k].time >= end - window * (1.0 + 1e-9); k--) {
+        least = fmin(least, history->record[k].largest);
+        most = fmax(most, history->record[k].largest);
+        trend.span = end - history->record[k].time;
+        trend.outputs++;
+    }
+    trend.change = most - least;
+    if (last > 0)
+        trend.last_two = fabs(history->record[last].largest - history->record[last - 1].largest);
+    trend.short_run = end < IMPACT_SHORTEST * (1.0 - 1e-9);
+    trend.few = trend.outputs < 3;
+    trend.settled = !trend.short_run && !trend.few && trend.change < 0.01;
+    return trend;
+}
+
 static bool impact_has_hdf5(void) {
 #ifdef SPHPA_WITH_HDF5
     return true;
@@ -593,11 +627,10 @@ static void impact_table_add(impact_table *table, const char *name, const impact
         example_fail(1, "%s has more than %d lines; move it away", table->path,
                      (int)IMPACT_TABLE_LINES);
     impact_table_key(key, name, s);
-    int last = history->count - 1;
-    bool settled = last > 0 && fabs(history->record[last].largest -
-                                    history->record[last - 1].largest) < 0.01;
+    impact_trend trend = impact_trend_of(history);
     snprintf(table->line[table->count++], IMPACT_TABLE_WIDTH, "%.440s%g,%g,%.4f,%s", key, link,
-             below, largest, settled ? "yes" : "no");
+             below, largest,
+             trend.short_run || trend.few ? "unknown" : trend.settled ? "yes" : "no");
 }
 
 static void impact_table_print(const impact_table *table) {

@@ -545,6 +545,23 @@ static void impact_print_assumptions(const impact_run *run) {
                "fit\n");
 }
 
+static void impact_print_trend(const impact_history *history) {
+    impact_trend trend = impact_trend_of(history);
+    double end = history->record[history->count - 1].time;
+    if (trend.short_run)
+        printf("  too short to tell whether this is the end of it: %g us, less than %g; give a "
+               "larger --t-end\n", 1e6 * end, 1e6 * IMPACT_SHORTEST);
+    else if (trend.few)
+        printf("  too few outputs to tell whether this is the end of it: %d in the last %g us; give "
+               "a smaller --every\n", trend.outputs, 1e6 * fmax(IMPACT_WINDOW, 0.2 * end));
+    else
+        printf("  %s: over the %d outputs of the last %g us it changed by %.4f, %s\n",
+               trend.settled ? "settled" : "NOT SETTLED", trend.outputs, 1e6 * trend.span,
+               trend.change,
+               trend.settled ? "less than 0.01" : "not less than 0.01; give a larger --t-end");
+    if (history->count > 1) printf("  the last two outputs differ by %.4f\n", trend.last_two);
+}
+
 static void impact_print_fragments(const impact_run *run) {
     static const double links[3] = {0.5, 1.0, 1.5}, below[4] = {0.5, 0.7, 0.9, 0.99};
     const impact_history *history = &run->history;
@@ -566,14 +583,9 @@ static void impact_print_fragments(const impact_run *run) {
     for (int k = first; k < history->count; k++)
         printf("  %.4e  %8.4f  %8.4f  %8.4f\n", history->record[k].time,
                history->record[k].largest, history->record[k].second, history->record[k].dust);
-    if (history->count > 1) {
-        double change = fabs(last->largest - history->record[history->count - 2].largest);
-        printf(change < 0.01 ? "  settled: the last two differ by %.4f\n"
-                             : "  NOT SETTLED: the last two differ by %.4f, more than 0.01; give a "
-                               "larger --t-end\n", change);
-        printf("  over these outputs it went from %.4f to %.4f\n",
-               history->record[first].largest, last->largest);
-    }
+    printf("  over these outputs it went from %.4f to %.4f\n", history->record[first].largest,
+           last->largest);
+    impact_print_trend(history);
 }
 
 /* where the energy is: nylon that has run out of neighbours keeps its pressure, and does no work */

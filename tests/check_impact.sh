@@ -138,7 +138,8 @@ run --threads 2 --out "$work/whole"
 for line in '^largest fragment: [0-9.]+ of the target.s mass .experiment 0.0996, GASPHiA 0.0835' \
     'largest distance of a loading particle' '^alpha grew: 0 particles' '^drift of mass' \
     'over linking length' 'over the last outputs' 'EOS .* forces' 'peak memory' \
-    'projectile  .*mm' 'crush curve' 'flaws' 'settled|SETTLED'; do
+    'projectile  .*mm' 'crush curve' 'flaws' '^  too short to tell .*: 3 us, less than 50; give a larger --t-end' \
+    '^  the last two outputs differ by [0-9.]+$'; do
     shows "$work/stdout" "$line" "a plain run"
 done
 no_parts "$work/whole"
@@ -146,6 +147,25 @@ run --threads 1 --out "$work/one_thread"
 [ "$status" = 0 ] || failed "one thread: exit status $status"
 same_run "$work/whole" "$work/one_thread" "one thread and two"
 say "a run of 230 particles prints what it must; the same bits on 1 and 2 threads"
+
+# ---- whether the largest fragment is settled: not by the last two outputs alone ----
+settles() { # settles OUTPUTS ARGUMENTS..: the verdict is what largest.dat says of the last 20 us
+    wanted=$1
+    shift
+    run --t-end 6e-5 --out "$work/settled" "$@"
+    [ "$status" = 0 ] || { failed "--t-end 6e-5 $*: exit status $status"; return; }
+    change=$(awk '$1 > 39.999 { if (!n++ || $2 < low) low = $2; if (n == 1 || $2 > high) high = $2 }
+        END { printf "%.4f", high - low }' "$work/settled/largest.dat")
+    verdict='settled: .*, less than 0.01$'
+    awk "BEGIN { exit !($change >= 0.01) }" && verdict='NOT SETTLED: .* not less than 0.01; give a larger'
+    shows "$work/stdout" "^  $verdict" "--t-end 6e-5 $*"
+    shows "$work/stdout" ": over the $wanted outputs of the last [0-9]+ us it changed by $change," "--t-end 6e-5 $*"
+}
+settles 7
+settles 3 --every 1e-5
+run --t-end 6e-5 --every 3e-5 --out "$work/settled"
+shows "$work/stdout" '^  too few outputs to tell .*: 1 in the last 20 us; give a smaller --every' "--every 3e-5"
+say "settled goes by the last 20 us, whatever --every is; a run of 3 us cannot tell"
 
 if [ -c /dev/full ]; then
     # shellcheck disable=SC2086
