@@ -1578,7 +1578,7 @@ typedef struct sphpa_sim_options {
 typedef struct sphpa_totals {
     double mass;        /* [kg] */
     double momentum[3]; /* [kg m/s] */
-    double angular[3];  /* [kg m2/s] about the origin */
+    double angular[3];  /* [kg m2/s] about the centre of mass; means nothing in a periodic box */
     double kinetic;     /* [J] */
     double internal;    /* [J] */
     double energy;      /* [J] kinetic and internal */
@@ -8065,39 +8065,58 @@ SPHPA_DEF void sphpa_sim_free(sphpa_sim *sim) {
 
 /* ---- what came of it ------------------------------------------------------------------------- */
 
-SPHPA_PRIVATE_ void sphpa_totals_of_block_(const sphpa_particles *p, size_t first, size_t last,
-                                           double sum[9]) {
-    for (int k = 0; k < 9; k++) sum[k] = 0.0;
+/* sum: mass, and mass times position */
+SPHPA_PRIVATE_ void sphpa_centre_of_block_(const sphpa_particles *p, size_t first, size_t last,
+                                           double sum[4]) {
+    for (int k = 0; k < 4; k++) sum[k] = 0.0;
     for (size_t i = first; i < last; i++) {
         double m = (double)p->m[i];
-        const double *x = p->x + 3 * i;
-        double v[3] = {(double)p->v[3 * i], (double)p->v[3 * i + 1], (double)p->v[3 * i + 2]};
         sum[0] += m;
+        for (size_t a = 0; a < 3; a++) sum[1 + a] += m * p->x[3 * i + a];
+    }
+}
+
+/* sum: momentum, angular momentum about the centre, kinetic and internal energy */
+SPHPA_PRIVATE_ void sphpa_totals_of_block_(const sphpa_particles *p, size_t first, size_t last,
+                                           const double centre[3], double sum[8]) {
+    for (int k = 0; k < 8; k++) sum[k] = 0.0;
+    for (size_t i = first; i < last; i++) {
+        double m = (double)p->m[i], x[3], v[3];
+        for (size_t a = 0; a < 3; a++) {
+            x[a] = p->x[3 * i + a] - centre[a];
+            v[a] = (double)p->v[3 * i + a];
+        }
         for (int a = 0; a < 3; a++) {
             int b = (a + 1) % 3, c = (a + 2) % 3;
-            sum[1 + a] += m * v[a];
-            sum[4 + a] += m * (x[b] * v[c] - x[c] * v[b]);
+            sum[a] += m * v[a];
+            sum[3 + a] += m * (x[b] * v[c] - x[c] * v[b]);
         }
-        sum[7] += 0.5 * m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
-        sum[8] += m * p->u[i];
+        sum[6] += 0.5 * m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+        sum[7] += m * p->u[i];
     }
 }
 
 SPHPA_DEF sphpa_totals sphpa_sim_totals(const sphpa_sim *sim) {
-    double all[9] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    double centre[4] = {0.0, 0.0, 0.0, 0.0}, all[8] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    double part[8];
     size_t blocks = sphpa_blocks_(sim->p.n);
     for (size_t block = 0; block < blocks; block++) {
-        double part[9];
-        sphpa_totals_of_block_(&sim->p, block * SPHPA_BLOCK_, sphpa_block_end_(block, sim->p.n),
+        sphpa_centre_of_block_(&sim->p, block * SPHPA_BLOCK_, sphpa_block_end_(block, sim->p.n),
                                part);
-        for (int k = 0; k < 9; k++) all[k] += part[k];
+        for (int k = 0; k < 4; k++) centre[k] += part[k];
+    }
+    for (int a = 1; a < 4 && centre[0] > 0.0; a++) centre[a] /= centre[0];
+    for (size_t block = 0; block < blocks; block++) {
+        sphpa_totals_of_block_(&sim->p, block * SPHPA_BLOCK_, sphpa_block_end_(block, sim->p.n),
+                               centre + 1, part);
+        for (int k = 0; k < 8; k++) all[k] += part[k];
     }
     sphpa_totals totals;
-    totals.mass = all[0];
-    for (int a = 0; a < 3; a++) totals.momentum[a] = all[1 + a], totals.angular[a] = all[4 + a];
-    totals.kinetic = all[7];
-    totals.internal = all[8];
-    totals.energy = all[7] + all[8];
+    totals.mass = centre[0];
+    for (int a = 0; a < 3; a++) totals.momentum[a] = all[a], totals.angular[a] = all[3 + a];
+    totals.kinetic = all[6];
+    totals.internal = all[7];
+    totals.energy = all[6] + all[7];
     return totals;
 }
 

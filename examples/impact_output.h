@@ -112,6 +112,7 @@ static double impact_origin(const impact_settings *s) { return 2.0 * s->target_d
 /* ---- logs ------------------------------------------------------------------------------------ */
 
 #define IMPACT_LOG_HEADER                                                                          \
+    "# L: angular momentum about the centre of mass\n"                                             \
     "#   step        time[s]          dt[s]        mass[kg]     kinetic[J]    internal[J]  "       \
     "energy drift      px[kg m/s]      py[kg m/s]      pz[kg m/s]      Lx[kg m2/s]     "           \
     "Ly[kg m2/s]     Lz[kg m2/s]   u below 0[J]  neighbours  limit\n"

@@ -624,9 +624,9 @@ static void impact_print_conservation(const impact_run *run) {
     printf("\ncrush curve: largest distance of a loading particle %.2e of alpha0 - 1 (%llu loaded "
            "steps)\n", pores->distance_max, (unsigned long long)pores->loading);
     printf("alpha grew: %llu particles\n", (unsigned long long)pores->grew);
-    printf("drift of mass %.2e, of linear momentum %.2e of the projectile's, of angular momentum "
-           "%.2e of %.2e kg m2/s,\n  of energy %.2e; internal energy below zero: %.2e of the "
-           "total, in %llu particles\n",
+    printf("drift of mass %.2e, of linear momentum %.2e of the projectile's,\n  of angular momentum "
+           "about the centre of mass %.2e of %.2e kg m2/s,\n  of energy %.2e; internal energy below "
+           "zero: %.2e of the total, in %llu particles\n",
            (now.mass - then->mass) / then->mass, sqrt(p) / push, sqrt(L) / L0, L0,
            (now.energy - then->energy) / then->energy, run->sim.stats.u_deficit / then->energy,
            (unsigned long long)run->sim.stats.u_below);
