@@ -1255,7 +1255,8 @@ SPHPA_DEF sphpa_result sphpa_tree_friends(const sphpa_tree *tree, const double *
     X(rho, double, 1, "Densities", -3, 1, 0, STATE, INTERPOLATE, BY_MASS, "bulk density [kg/m3]")  \
     X(u, double, 1, "InternalEnergies", 2, 0, -2, STATE, COPY, BY_MASS,                            \
       "specific internal energy [J/kg]")                                                           \
-    X(P, sphpa_real, 1, "Pressures", -1, 1, -2, DERIVED, RESET, RESET, "pressure [Pa]")            \
+    X(P, sphpa_real, 1, "Pressures", -1, 1, -2, DERIVED, RESET, RESET,                             \
+      "pressure, undamaged: where negative, 1 - D of it acts [Pa]")                                \
     X(c, sphpa_real, 1, "SoundSpeeds", 1, 0, -1, DERIVED, RESET, RESET,                            \
       "fastest signal in the material at rest [m/s]")                                              \
     X(c_visc, sphpa_real, 1, "ViscousSpeeds", 1, 0, -1, DERIVED, RESET, RESET,                     \
