@@ -59,27 +59,42 @@ static bool impact_has_hdf5(void) {
 /* ---- settings as a list ---------------------------------------------------------------------- */
 
 #ifdef SPHPA_WITH_HDF5
-/* All that a resumed run must share with the one before, and that files tell of it. */
+/* What files tell of a run. A resumed run must share the first of them with the one before. */
 typedef struct impact_setting {
     const char *name; /* of the option; behind a blank, which part of it */
     double value;
+    const char *words; /* what values from 0 stand for, or NULL */
 } impact_setting;
 
-enum { IMPACT_LISTED = 24 };
+enum { IMPACT_SHARED = 24, IMPACT_LISTED = 26 };
 
 static void impact_list(const impact_settings *s, impact_setting list[IMPACT_LISTED]) {
     const impact_setting all[IMPACT_LISTED] = {
-        {"speed", s->speed}, {"angle", s->angle}, {"target-diameter", s->target_diameter},
-        {"projectile-diameter", s->projectile_diameter}, {"particles", (double)s->particles},
-        {"projectile-particles", (double)s->projectile_particles}, {"curve", s->curve},
-        {"solver", s->solver}, {"weibull-k", s->weibull_k}, {"weibull-m", s->weibull_m},
-        {"seed", (double)s->seed}, {"lattice-seed", (double)s->lattice_seed},
-        {"correction", s->correction}, {"balsara", s->balsara}, {"tension", s->tension},
-        {"spread", s->spread},
-        {"viscosity a", s->viscosity[0]}, {"viscosity b", s->viscosity[1]},
-        {"every", s->every}, {"gauge x", s->gauge[0]}, {"gauge y", s->gauge[1]},
-        {"gauge z", s->gauge[2]}, {"link", s->link}, {"damage-below", s->damage_below}};
+        {"speed", s->speed, NULL}, {"angle", s->angle, NULL},
+        {"target-diameter", s->target_diameter, NULL},
+        {"projectile-diameter", s->projectile_diameter, NULL},
+        {"particles", (double)s->particles, NULL},
+        {"projectile-particles", (double)s->projectile_particles, NULL},
+        {"curve", s->curve, IMPACT_CURVES}, {"solver", s->solver, IMPACT_SOLVERS},
+        {"weibull-k", s->weibull_k, NULL}, {"weibull-m", s->weibull_m, NULL},
+        {"seed", (double)s->seed, NULL}, {"lattice-seed", (double)s->lattice_seed, NULL},
+        {"correction", s->correction, "off|on"}, {"balsara", s->balsara, "off|on"},
+        {"tension", s->tension, NULL}, {"spread", s->spread, NULL},
+        {"viscosity a", s->viscosity[0], NULL}, {"viscosity b", s->viscosity[1], NULL},
+        {"every", s->every, NULL}, {"gauge x", s->gauge[0], NULL},
+        {"gauge y", s->gauge[1], NULL}, {"gauge z", s->gauge[2], NULL},
+        {"link", s->link, NULL}, {"damage-below", s->damage_below, NULL},
+        {"cfl", s->cfl, NULL}, {"t-end", s->t_end, NULL}};
     memcpy(list, all, sizeof all);
+}
+
+/* a setting's value as one would give it */
+static void impact_value(const impact_setting *setting, char text[32]) {
+    size_t length = 0;
+    const char *word =
+        setting->words != NULL ? example_word_(setting->words, (int)setting->value, &length) : NULL;
+    if (word != NULL) snprintf(text, 32, "%.*s", (int)length, word);
+    else snprintf(text, 32, "%.15g", setting->value);
 }
 
 /* the list as the text that a file keeps under /Parameters; must live as long as the info */
@@ -170,6 +185,34 @@ static bool impact_gauge(const sphpa_sim *sim, const impact_settings *s, double 
     }
     *pressure = weight > 0.0 ? sum / weight : 0.0;
     return weight > 0.0;
+}
+
+/* ---- the report ------------------------------------------------------------------------------ */
+
+/* What is printed at the end of a run, and kept as report.txt. */
+typedef struct impact_report {
+    size_t length;
+    char text[32768];
+} impact_report;
+
+static void say(impact_report *report, const char *format, ...) EXAMPLE_PRINTF(2, 3);
+
+static void say(impact_report *report, const char *format, ...) {
+    size_t room = sizeof report->text - report->length;
+    va_list args;
+    va_start(args, format);
+    int n = vsnprintf(report->text + report->length, room, format, args);
+    va_end(args);
+    if (n > 0) report->length += (size_t)n < room ? (size_t)n : room - 1;
+}
+
+/* prints what was said since `from`, and writes all of it */
+static void impact_tell(const impact_report *report, size_t from, const char *out) {
+    fputs(report->text + from, stdout);
+    fflush(stdout);
+    example_file file = example_open(out, "report.txt");
+    fputs(report->text, file.stream);
+    example_close(&file);
 }
 
 /* ---- fragments ------------------------------------------------------------------------------- */

@@ -143,6 +143,7 @@ for line in '^largest fragment: [0-9.]+ of the target.s mass .experiment 0.0996,
     shows "$work/stdout" "$line" "a plain run"
 done
 no_parts "$work/whole"
+cmp -s "$work/stdout" "$work/whole/report.txt" || failed "report.txt is not what was printed"
 run --threads 1 --out "$work/one_thread"
 [ "$status" = 0 ] || failed "one thread: exit status $status"
 same_run "$work/whole" "$work/one_thread" "one thread and two"
@@ -264,11 +265,22 @@ bad_checkpoints() {
     done
     refused 1 "$bad/missing.hdf" --out "$work/whole" --resume "$bad/missing.hdf"
     refused 1 "$bad" --out "$work/whole" --resume "$bad"
-    for option in '--speed 2000' '--particles 210' '--seed 2' '--curve quadratic' '--every 1e-6' \
-        '--gauge 0,0,0' '--balsara off' '--link 0.9' '--weibull-k 1e35' '--lattice-seed 3'; do
-        # shellcheck disable=SC2086
-        refused 1 "another ${option%% *}; give the same options" --out "$work/whole" --resume "$good" $option
-    done
+    while read -r option now before name; do
+        refused 1 "another run: --$name is $before in it and $now here; give the same options" \
+            --out "$work/whole" --resume "$good" "$option" "$now"
+    done << 'END'
+--speed 2000 2580 speed
+--particles 210 200 particles
+--seed 2 1 seed
+--curve quadratic two-exponent curve
+--every 1e-06 1.5e-07 every
+--balsara off on balsara
+--link 0.9 1 link
+--weibull-m 8.1 9 weibull-m
+--lattice-seed 3 1 lattice-seed
+END
+    refused 1 "--gauge z is 0.025 in it and 0 here" --out "$work/whole" --resume "$good" --gauge 0,0,0
+    refused 1 "--viscosity b is 3 in it and 2 here" --out "$work/whole" --resume "$good" --viscosity 1,2
     refused 1 'beyond --t-end' --out "$work/whole" --resume auto --t-end 2e-6
     { sums "$work/whole"; sums "$bad"; } > "$work/after"
     cmp -s "$work/before" "$work/after" || failed "a refused --resume changes files: $(diff "$work/before" "$work/after" | head -n 4)"
@@ -356,6 +368,7 @@ fi
 run --compare on --compare-particles 100 --t-end 1e-6 --out "$work/compared"
 [ "$status" = 0 ] || failed "--compare on: exit status $status"
 shows "$work/stdout" '^largest fragment with correction and Balsara off' "--compare on"
+cmp -s "$work/stdout" "$work/compared/report.txt" || failed "--compare on: report.txt is not what was printed"
 
 table="$work/table/sensitivity.csv"
 run --sensitivity "$table" --t-end 3e-7 --out "$work/table"
