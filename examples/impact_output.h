@@ -165,8 +165,8 @@ static FILE *impact_reopen(const char *path, double until, const char *header) {
     return log;
 }
 
-/* [Pa] the pressure at a point relative to the target's centre: sum over what reaches it, divided
-   by the sum of the weights; 0, and false, where nothing does */
+/* [Pa] the pressure at a point relative to the target's centre: mean over the target's particles
+   that reach it, by volume and kernel; 0, and false, where none does, as in an emptied crater */
 static bool impact_gauge(const sphpa_sim *sim, const impact_settings *s, double *pressure) {
     const sphpa_particles *p = &sim->p;
     double sum = 0.0, weight = 0.0, origin = impact_origin(s);
@@ -503,8 +503,10 @@ static void impact_draw_largest(const char *out) {
 static void impact_draw_gauge(const char *out, const impact_settings *s) {
     char script[1024];
     snprintf(script, sizeof script,
-             "set title 'Pressure at (%g, %g, %g) cm from the centre'\n"
-             "set xlabel 'time [" IMPACT_MICRO "s]'\nset ylabel 'pressure [MPa]'\nset grid\n"
+             "set title \"Pressure at (%g, %g, %g) cm from the target's centre\\n"
+             "{/*0.8 mean over the target's particles that reach there, by volume and kernel;}\\n"
+             "{/*0.8 a broken one bears no tension; 0 where the crater has emptied it}\"\n"
+             "set xlabel 'time [" IMPACT_MICRO "s]'\nset ylabel 'mean pressure [MPa]'\nset grid\n"
              "unset key\n"
              "set yrange [*<-0.01:0.01<*]\n"
              "plot 'gauge.dat' using ($1*1e6):($2*1e-6) with lines linewidth 1.5",

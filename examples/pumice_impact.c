@@ -403,7 +403,8 @@ static void impact_open_logs(impact_run *run) {
                              IMPACT_LOG_HEADER);
     snprintf(path, sizeof path, "%s/gauge.dat", run->out);
     run->gauge = impact_reopen(path, run->resumed ? run->sim.time : -1.0,
-                               "# time[s] pressure[Pa] at the gauge\n");
+                               "# time[s] pressure[Pa] at the gauge: mean over the target's particles that "
+                               "reach it, 0 where none does\n");
     double pressure = 0.0;
     if (!run->resumed && !impact_gauge(&run->sim, &run->s, &pressure))
         fprintf(stderr, "no particle is at the gauge (%g, %g, %g) m from the target's centre: it "
@@ -949,7 +950,7 @@ static void impact_parse(int argc, char **argv, impact_settings *s, impact_optio
         example_number("cfl", "1", &s->cfl, 1e-3, 1.0, "Courant number"),
         example_number("t-end", "s", &s->t_end, 1e-12, 1e6, "end of the run"),
         example_number("every", "s", &s->every, 0.0, 1e6, "between outputs; 0: 20 of them"),
-        example_vector("gauge", "x,y,z", s->gauge, 3, "[m] pressure against time there"),
+        example_vector("gauge", "x,y,z", s->gauge, 3, "[m] mean pressure of the target there"),
         example_number("link", "1", &s->link, 0.01, 10.0, "fragments: linking length, in supports"),
         example_number("damage-below", "1", &s->damage_below, 0.0, 1.0, "fragments: particles' D"),
         example_text("target", "FILE.hdf", &o->target_file, "a snapshot as the target"),
