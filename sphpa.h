@@ -7137,12 +7137,14 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_bad_(const sphpa_sim *sim, size_t i, const
     return sphpa_error_set(
         err, SPHPA_ERROR_STATE,
         "%s: %s at t = %.6e s, step %llu, dt = %.3e s: particle %zu (id %lld) at (%.6g, %.6g, "
-        "%.6g), v (%.4g, %.4g, %.4g), rho = %.6g, u = %.6g, h = %.4g, P = %.4g, alpha = %.9g; "
-        "try a smaller cfl, from the last checkpoint where there is one",
+        "%.6g), v (%.4g, %.4g, %.4g), rho = %.6g, u = %.6g, h = %.4g, P = %.4g, alpha = %.9g; %s",
         where, sphpa_result_message(why), sim->time, (unsigned long long)sim->stats.steps, sim->dt,
         i, (long long)p->id[i], p->x[3 * i], p->x[3 * i + 1], p->x[3 * i + 2],
         (double)p->v[3 * i], (double)p->v[3 * i + 1], (double)p->v[3 * i + 2], p->rho[i], p->u[i],
-        (double)p->h[i], p->P ? (double)p->P[i] : 0.0, p->alpha ? p->alpha[i] : 1.0);
+        (double)p->h[i], p->P ? (double)p->P[i] : 0.0, p->alpha ? p->alpha[i] : 1.0,
+        why == SPHPA_ERROR_NOT_CONVERGED
+            ? sphpa_result_hint(why)
+            : "try a smaller cfl, from the last checkpoint where there is one");
 }
 
 /* the first particle whose state makes no sense, or n */

@@ -610,8 +610,8 @@ static const char impact_table_header[] =
 static void impact_table_save(const impact_table *table) {
     char folder[EXAMPLE_PATH];
     const char *name = impact_split(table->path, folder);
-    example_folder(folder);
-    example_file file = example_open(folder, name);
+    example_folder_of(folder, "--sensitivity");
+    example_file file = example_open_of(folder, name, "--sensitivity");
     fprintf(file.stream, "%s\n", impact_table_header);
     for (int k = 0; k < table->count; k++) fprintf(file.stream, "%s\n", table->line[k]);
     example_close(&file);

@@ -218,7 +218,7 @@ int main(int argc, char **argv) {
                        "cubic|quartic|quintic|wendland-c2|wendland-c4|wendland-c6|gaussian",
                        &kernel, "of the smoothing"),
         example_choice("integrator", "pc|rk2", &integrator, "predictor-corrector or Runge-Kutta"),
-        example_vector("viscosity", "a,b", viscosity, 2,
+        example_vector("viscosity", "a,b", viscosity, 2, 0.0, 1000.0,
                        "linear and quadratic (the impact has 1,3)"),
         example_switch("correction", &correction, "kernel-gradient correction"),
         example_number("cfl", "C", &cfl, 1e-3, 1.0, "time step over the Courant limit"),

@@ -884,7 +884,7 @@ static int impact_movie(const impact_settings *s, const impact_options *o) {
     char on[EXAMPLE_PATH], off[EXAMPLE_PATH];
     own.every = own.t_end / 50.0;
     (void)impact_split(o->movie, on);
-    example_folder(on);
+    example_folder_of(on, "--movie");
     snprintf(on, sizeof on, "%.990s/movie_on", o->out);
     snprintf(off, sizeof off, "%.990s/movie_off", o->out);
     fprintf(stderr, "correction and Balsara on\n");
@@ -946,11 +946,13 @@ static void impact_parse(int argc, char **argv, impact_settings *s, impact_optio
         example_number("tension", "Pa", &s->tension, 0.0, 1e12, "that nylon bears"),
         example_number("spread", "1", &s->spread, 1.0, 100.0,
                        "largest h of nylon over its first one"),
-        example_vector("viscosity", "a,b", s->viscosity, 2, "linear and quadratic, artificial"),
+        example_vector("viscosity", "a,b", s->viscosity, 2, 0.0, 1000.0,
+                       "linear and quadratic, artificial"),
         example_number("cfl", "1", &s->cfl, 1e-3, 1.0, "Courant number"),
         example_number("t-end", "s", &s->t_end, 1e-12, 1e6, "end of the run"),
         example_number("every", "s", &s->every, 0.0, 1e6, "between outputs; 0: 20 of them"),
-        example_vector("gauge", "x,y,z", s->gauge, 3, "[m] mean pressure of the target there"),
+        example_vector("gauge", "x,y,z", s->gauge, 3, -1e8, 1e8,
+                       "[m] mean pressure of the target there"),
         example_number("link", "1", &s->link, 0.01, 10.0, "fragments: linking length, in supports"),
         example_number("damage-below", "1", &s->damage_below, 0.0, 1.0, "fragments: particles' D"),
         example_text("target", "FILE.hdf", &o->target_file, "a snapshot as the target"),

@@ -94,12 +94,17 @@ cd "$work/empty" || exit 1
 refused 2 'no such option' --particels 100
 refused 2 'no such option' particles
 refused 2 'not a whole number' --particles many
-refused 2 'not a whole number' --particles 1e3
+refused 2 'not a whole number' --particles 2.5e0
+refused 2 'not a whole number' --particles 1e-3
+refused 2 'not a whole number' --particles inf
+refused 2 'out of range; it goes from 10 to 100000000' --particles 1e9
 refused 2 'out of range; it goes from' --particles 3
 refused 2 'out of range; it goes from' --particles 99999999999999999999
 refused 2 'write --threads 0 or the like' --threads 1.5
 refused 2 'write --speed 2580 or the like' --speed=
 refused 2 'write --viscosity 1,3 or the like' --viscosity 1
+refused 2 'viscosity -1,-3: out of range; each number goes from 0 to 1000' --viscosity -1,-3
+refused 2 'out of range; each number goes from 0' --viscosity 1,-3
 refused 2 'out of range; it goes from' --damage-below 1.5
 refused 2 'give one' --ensemble 2 --movie film.gif
 refused 2 'not a finite number' --speed fast
@@ -124,6 +129,8 @@ refused 1 'give a name' --out ''
 echo text > file
 refused 1 'output folder file/out: cannot make file ' --out file/out
 refused 1 'output folder file: cannot make file ' --out file
+refused 1 'cannot make file .*choose another with --sensitivity' --sensitivity file/table.csv
+refused 1 'cannot make file .*choose another with --movie' --movie file/film.gif
 [ "$(cat file)" = text ] || failed "a file in the way of --out is overwritten"
 if [ "$(id -u)" != 0 ]; then # root may write everywhere
     mkdir -m 555 locked
@@ -341,7 +348,7 @@ run --solver newton --out "$work/newton"
 if [ "$status" = 0 ]; then
     say "--solver newton runs to the end here"
 else
-    shows "$work/stderr" 'did not converge.*particle [0-9]+' "--solver newton"
+    shows "$work/stderr" 'did not converge.*particle [0-9]+.*; use the default solver' "--solver newton"
     say "--solver newton stops: $(head -n 1 "$work/stderr" | cut -c 1-90)..."
 fi
 for solver in bisection safe-newton; do
