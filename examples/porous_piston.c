@@ -188,14 +188,13 @@ static void print_results(const sphpa_sim *sim, const piston *p, const double l1
 }
 
 static const char *picture =
-    "set multiplot layout 2,2 "
-    "title case.': SPH (points) and exact (lines)'\n"
+    "set multiplot layout 2,2 title case.': SPH (points) and exact (lines)'\n"
     "set xlabel 'x [mm]'\nunset key\nset grid lc rgb '#dddddd'\n"
     "set offsets 0, 0, graph 0.05, graph 0.05\nset xtics 20\n"
     "scale(k) = k == 1 ? 1e-9 : 1.0\n"
     "do for [k=1:4] {\n"
     "c = k < 4 ? k : 5\n"
-    "set ylabel word('P[GPa] v[m/s] rho[kg/m^3] alpha', k)\n"
+    "set ylabel word('\"P [GPa]\" \"v [m/s]\" \"rho [kg/m^3]\" \"distention alpha\"', k)\n"
     "plot 'porous_piston.dat' using (1e3*$1):(scale(k)*column(c+6)) with lines lw 2 "
     "lc rgb '#c44e00', \\\n"
     "     '' using (1e3*$1):(scale(k)*column(c+1)) with points pt 7 ps 0.3 lc rgb '#1f5fa8'\n}\n"
@@ -291,8 +290,9 @@ int main(int argc, char **argv) {
     compare(&sim, &pist, matrix->rho0 / crush.alpha0, crush.alpha0, out, l1);
     print_results(&sim, &pist, l1, crush.alpha0, drift, &pores.stats);
     char script[2048];
-    snprintf(script, sizeof script, "case = 'a piston at %g m/s in porous %s, %zu particles, t = %.3g s'"
-             "\n%s", v, porous ? "pumice" : "aluminium", sim.p.n, sim.time, picture);
+    snprintf(script, sizeof script,
+             "case = 'a piston at %g m/s in porous %s, %zu particles, t = %.3g s'\n%s", v,
+             porous ? "pumice" : "aluminium", sim.p.n / 2, sim.time, picture);
     (void)example_picture(out, "porous_piston.png", 1200, 850, script);
     sphpa_sim_free(&sim);
     sphpa_particles_free(&p);
