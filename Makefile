@@ -72,16 +72,15 @@ impact-full: ## the same with 300,000 particles; goes on where it was stopped
 	$(IMPACT) --particles 300000 --out $(BUILD)/impact-full $(ARGS) --dry-run
 	$(IMPACT) --particles 300000 --out $(BUILD)/impact-full --resume auto $(ARGS)
 
-sensitivity: ## how the largest fragment depends on each assumption: build/sensitivity.csv
+sensitivity: ## how the largest fragment depends on each assumption: build/sensitivity.csv; goes on
 	@$(DEPS) impact
 	@+$(INNER_MAKE) $(IMPACT)
-	$(IMPACT) --sensitivity $(BUILD)/sensitivity.csv $(ARGS)
+	$(IMPACT) --sensitivity $(BUILD)/sensitivity.csv --out $(BUILD)/impact --resume auto $(ARGS)
 
-movie: ## the impact as an animated GIF, correction and Balsara on beside off
+movie: ## the impact as an animated GIF, correction and Balsara on beside off; goes on
 	@$(DEPS) impact
 	@+$(INNER_MAKE) $(IMPACT)
-	@mkdir -p $(BUILD)/movie
-	$(IMPACT) --movie $(BUILD)/movie/impact.gif $(ARGS)
+	$(IMPACT) --movie $(BUILD)/movie/impact.gif --out $(BUILD)/impact --resume auto $(ARGS)
 
 examples: ## build all examples into build/examples
 	@$(DEPS) impact

@@ -47,6 +47,8 @@ typedef struct impact_options {
     int dry_run, quiet, compare, snapshots;
     const char *out, *resume, *sensitivity, *movie, *target_file;
     const char *go_on; /* what --resume takes after an interrupt; NULL: the run's own checkpoint */
+    int again;         /* not 0: nothing, the same command goes on */
+    int scratch;       /* not 0: of several runs; a checkpoint of others is begun anew */
 } impact_options;
 
 static impact_settings impact_default_settings(void) {
@@ -259,14 +261,15 @@ static sphpa_result impact_checkpoint(impact_run *run, sphpa_error *err) {
 }
 
 #ifdef SPHPA_WITH_HDF5
-/* whether a checkpoint's run and this one differ in a setting that they must share, and how:
-   "--speed is 2580 in it and 2000 here" */
-static bool impact_differs(const impact_settings *kept, const impact_settings *s, char how[128]) {
+/* whether a checkpoint's run and this one differ in one of `shared` settings, and how: "--speed is
+   2580 in it and 2000 here" */
+static bool impact_differs(const impact_settings *kept, const impact_settings *s, int shared,
+                           char how[128]) {
     impact_setting before[IMPACT_LISTED], now[IMPACT_LISTED];
     char then[32], here[32];
     impact_list(kept, before);
     impact_list(s, now);
-    for (int k = 0; k < IMPACT_SHARED; k++) {
+    for (int k = 0; k < shared; k++) {
         if (fabs(before[k].value - now[k].value) <= 1e-12 * fabs(now[k].value)) continue;
         impact_value(&before[k], then);
         impact_value(&now[k], here);
@@ -290,7 +293,7 @@ static void impact_resume_path(const impact_run *run, char path[EXAMPLE_PATH + 3
     if (there != NULL) {
         fclose(there);
     } else if (errno == ENOENT) {
-        if (!run->quiet) fprintf(stderr, "no %s: begins anew\n", path);
+        if (!run->quiet && !run->o->scratch) fprintf(stderr, "no %s: begins anew\n", path);
         path[0] = '\0';
     }
 }
@@ -301,9 +304,10 @@ static sphpa_result impact_resume(impact_run *run, const char *path, sphpa_error
     impact_history history;
     sphpa_result result = sphpa_checkpoint_blob(path, "settings", &kept, sizeof kept, err);
     if (result != SPHPA_OK) return result;
-    if (!run->every_given) run->s.every = kept.every; /* also with another --t-end */
+    if (!run->every_given && !run->o->scratch)
+        run->s.every = kept.every; /* also with another --t-end */
     char how[128];
-    if (impact_differs(&kept, &run->s, how))
+    if (impact_differs(&kept, &run->s, run->o->scratch ? IMPACT_LISTED : IMPACT_SHARED, how))
         return sphpa_error_set(err, SPHPA_ERROR_FORMAT,
                                "%s is of another run: %s; give the same options, or begin anew "
                                "without --resume", path, how);
@@ -338,10 +342,9 @@ static sphpa_result impact_resume(impact_run *run, const char *path, sphpa_error
 #endif
 }
 
-static sphpa_result impact_create(impact_run *run, sphpa_error *err) {
+static sphpa_result impact_begin(impact_run *run, sphpa_error *err) {
     sphpa_particles bodies;
     sphpa_sim_options options;
-    char path[EXAMPLE_PATH + 32];
     memset(&bodies, 0, sizeof bodies);
     memset(&options, 0, sizeof options);
     options.cfl = run->s.cfl;
@@ -357,8 +360,21 @@ static sphpa_result impact_create(impact_run *run, sphpa_error *err) {
     for (size_t i = 0; i < run->sim.p.n; i++)
         *(run->sim.p.body[i] == IMPACT_TARGET ? &run->target_mass : &run->projectile_mass) +=
             (double)run->sim.p.m[i];
+    return SPHPA_OK;
+}
+
+static sphpa_result impact_create(impact_run *run, sphpa_error *err) {
+    char path[EXAMPLE_PATH + 32];
+    sphpa_result result = impact_begin(run, err);
+    if (result != SPHPA_OK) return result;
     impact_resume_path(run, path);
-    return path[0] != '\0' ? impact_resume(run, path, err) : SPHPA_OK;
+    if (path[0] == '\0') return SPHPA_OK;
+    result = impact_resume(run, path, err);
+    if (result == SPHPA_OK || !run->o->scratch) return result;
+    fprintf(stderr, "%s is not of this run: begins anew\n", path);
+    sphpa_sim_free(&run->sim);
+    run->target_mass = run->projectile_mass = 0.0;
+    return impact_begin(run, err);
 }
 
 /* A checkpoint settles the simulation: neighbours come in another order, sums round differently.
@@ -481,11 +497,20 @@ static int impact_explain(const impact_run *run, sphpa_result result, const sphp
     fprintf(stderr, "pumice_impact: %s\n", err->message);
     if (!impact_has_hdf5())
         fprintf(stderr, "built without HDF5, so there is no checkpoint to go on from\n");
+    else if (result == SPHPA_STOPPED && run->o->again)
+        fprintf(stderr, "to go on, give the same command\n");
     else if (result == SPHPA_STOPPED && run->checkpoint[0] != '\0')
         fprintf(stderr, "to go on, give the same options and --resume %s\n", go_on);
     else if (run->checkpoint[0] != '\0')
         fprintf(stderr, "the last good checkpoint is %s\n", run->checkpoint);
     return result == SPHPA_STOPPED ? 130 : 1;
+}
+
+/* what a finished job no longer needs; its next run begins anew */
+static void impact_drop_checkpoint(const char *out) {
+    char path[EXAMPLE_PATH + 32];
+    snprintf(path, sizeof path, "%s/checkpoint.hdf", out);
+    (void)remove(path);
 }
 
 /* a run from beginning to end, on failure the program ends with its message */
@@ -844,8 +869,9 @@ static double impact_sensitivity_left(const impact_table *table, const impact_se
     impact_options anew = *o;
     anew.resume = NULL;
     impact_cost cost = impact_estimate(s, &anew);
-    fprintf(stderr, "about %.0f s for the other %d; stop it at any time, and give the same command "
-            "to go on\n", work * cost.steps * cost.each, lacking);
+    fprintf(stderr, "about %.0f s for the other %d; stop it at any time: to go on, give the same %s\n",
+            work * cost.steps * cost.each, lacking,
+            o->again ? "command" : "options and --resume auto");
     return work;
 }
 
@@ -869,6 +895,7 @@ static int impact_sensitivity(const impact_settings *s, const impact_options *o)
                                  impact_largest(&run->sim, links[a], below[b], run->target_mass),
                                  &run->history);
         impact_table_save(table);
+        impact_drop_checkpoint(out);
         impact_free(run);
         done += impact_row_work(&impact_rows[k]);
         left -= impact_row_work(&impact_rows[k]);
@@ -882,6 +909,9 @@ static int impact_sensitivity(const impact_settings *s, const impact_options *o)
 static int impact_movie(const impact_settings *s, const impact_options *o) {
     impact_settings own = *s;
     char on[EXAMPLE_PATH], off[EXAMPLE_PATH];
+    if (!example_have_gnuplot())
+        example_fail(1, "--movie %s: no gnuplot here to draw it; install it (make deps) and give the "
+                        "same command", o->movie);
     own.every = own.t_end / 50.0;
     (void)impact_split(o->movie, on);
     example_folder_of(on, "--movie");
@@ -896,8 +926,12 @@ static int impact_movie(const impact_settings *s, const impact_options *o) {
     fprintf(stderr, "correction and Balsara off\n");
     run = impact_must_run(&own, o, off);
     impact_free(run);
-    return impact_draw_movie(o->movie, on, off, frames, own.every, 0.5 * own.target_diameter,
-                             particles) ? 0 : 1;
+    if (!impact_draw_movie(o->movie, on, off, frames, own.every, 0.5 * own.target_diameter,
+                           particles))
+        return 1;
+    impact_drop_checkpoint(on);
+    impact_drop_checkpoint(off);
+    return 0;
 }
 
 /* what the options mean only together */
@@ -986,7 +1020,9 @@ int main(int argc, char **argv) {
         fprintf(stderr, "built without HDF5: plain text output, no checkpoints\n");
     bool one = o.sensitivity == NULL && o.movie == NULL && o.ensemble == 0;
     if (!one) o.go_on = "auto"; /* each run has a folder of its own */
-    if (o.sensitivity != NULL || o.movie != NULL) o.snapshots = 0;
+    o.again = o.resume != NULL && strcmp(o.resume, "auto") == 0;
+    o.scratch = o.sensitivity != NULL || o.movie != NULL;
+    if (o.scratch) o.snapshots = 0;
     int status = o.dry_run               ? impact_dry_run(&s, &o)
                  : o.sensitivity != NULL ? impact_sensitivity(&s, &o)
                  : o.movie != NULL       ? impact_movie(&s, &o)

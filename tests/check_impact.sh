@@ -129,8 +129,9 @@ refused 1 'give a name' --out ''
 echo text > file
 refused 1 'output folder file/out: cannot make file ' --out file/out
 refused 1 'output folder file: cannot make file ' --out file
-refused 1 'cannot make file .*choose another with --sensitivity' --sensitivity file/table.csv
-refused 1 'cannot make file .*choose another with --movie' --movie file/film.gif
+refused 1 'file/table.csv: .*; give another name' --sensitivity file/table.csv
+ln -s nowhere dangling
+refused 1 'cannot make dangling .*choose another with --sensitivity' --sensitivity dangling/table.csv
 [ "$(cat file)" = text ] || failed "a file in the way of --out is overwritten"
 if [ "$(id -u)" != 0 ]; then # root may write everywhere
     mkdir -m 555 locked
@@ -388,6 +389,37 @@ shows "$work/stderr" '^17 of 17 runs' "--sensitivity again"
 sed '20,$d' "$table" > "$work/cut.csv"
 run --sensitivity "$work/cut.csv" --t-end 3e-7 --speed 2000 --out "$work/table"
 shows "$work/stderr" '^0 of 17 runs' "--sensitivity with another speed"
+# stopped in the middle: the same command goes on, with the same numbers; another run begins anew
+several="--sensitivity $work/stop.csv --t-end 1e-6 --out $work/stop --resume auto"
+# shellcheck disable=SC2086
+run $several
+cp "$work/stop.csv" "$work/unstopped.csv"
+[ -z "$(find "$work/stop" -name checkpoint.hdf)" ] || failed "--sensitivity leaves checkpoints of runs that are in the table"
+rm -r "$work/stop.csv" "$work/stop"
+# shellcheck disable=SC2086
+"$program" $small $several > "$work/stdout" 2> "$work/stderr" &
+pid=$! waited=0
+while ! grep -q '^target diameter x 0.6' "$work/stop.csv" 2> /dev/null && [ $waited -lt 1000 ]; do
+    sleep 0.02
+    waited=$((waited + 1))
+done
+kill -INT $pid
+wait $pid
+if [ $? = 130 ] && [ -n "$hdf5" ]; then
+    shows "$work/stderr" 'stop it at any time: to go on, give the same command$' "--sensitivity"
+    shows "$work/stderr" '^to go on, give the same command$' "--sensitivity, interrupted"
+    cp -r "$work/stop" "$work/stop_other"
+    # shellcheck disable=SC2086
+    run $several
+    cmp -s "$work/stop.csv" "$work/unstopped.csv" || failed "--sensitivity, interrupted and resumed: another table"
+    run --sensitivity "$work/other.csv" --t-end 1e-6 --out "$work/stop_other" --resume auto --cfl 0.25
+    [ "$status" = 0 ] || failed "--sensitivity beside the checkpoint of another: exit status $status"
+    shows "$work/stderr" 'checkpoint.hdf is not of this run: begins anew' "--sensitivity beside the checkpoint of another"
+    run --sensitivity "$work/third.csv" --t-end 1e-6 --out "$work/third" --cfl 0.25
+    cmp -s "$work/other.csv" "$work/third.csv" || failed "--sensitivity beside the checkpoint of another: takes it for its own"
+else
+    skip "--sensitivity, interrupted" "no HDF5, or it was over before"
+fi
 echo 'mine,1,2' > "$work/mine.csv"
 refused 1 'not a table of this program' --sensitivity "$work/mine.csv"
 [ "$(cat "$work/mine.csv")" = mine,1,2 ] || failed "--sensitivity overwrites a foreign file"
@@ -404,6 +436,7 @@ if have gnuplot; then
     run --movie "film's/../film/impact.gif" --t-end 3e-7 --out "$work/film"
     [ "$status" = 2 ] || failed "a movie's name with a quote: exit status $status"
     run --movie film/impact.gif --t-end 3e-7 --out "$work/its own film"
+    refused 1 'cannot make mine.csv .*choose another with --movie' --movie mine.csv/film.gif
     cd "$here" || exit 1
     [ "$(head -c 4 "$work/film/impact.gif" 2> /dev/null)" = GIF8 ] || failed "no movie: $(tail -n 1 "$work/stderr")"
     no_parts "$work/film"
@@ -412,6 +445,10 @@ else
     skip "the impact's pictures" "no gnuplot"
 fi
 mkdir "$work/path"
+PATH="$work/path" "$program" --movie "$work/undrawn.gif" --out "$work/undrawn" > "$work/stdout" 2> "$work/stderr" &&
+    failed "--movie without gnuplot: exit status 0"
+shows "$work/stderr" '--movie .*undrawn.gif: no gnuplot here to draw it; install it' "--movie without gnuplot"
+[ -d "$work/undrawn" ] && failed "--movie without gnuplot runs before it says so"
 PATH="$work/path" "$program" --particles 100 --projectile-particles 20 --t-end 1e-7 --compare off --quiet --out "$work/undrawn" \
     > "$work/stdout" 2> "$work/stderr"
 status=$?
