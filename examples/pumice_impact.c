@@ -419,8 +419,8 @@ static void impact_open_logs(impact_run *run) {
                              IMPACT_LOG_HEADER);
     snprintf(path, sizeof path, "%s/gauge.dat", run->out);
     run->gauge = impact_reopen(path, run->resumed ? run->sim.time : -1.0,
-                               "# time[s] pressure[Pa] at the gauge: mean over the target's particles that "
-                               "reach it, 0 where none does\n");
+                               "# time[s] pressure[Pa] at the gauge: mean over the target's particles "
+                               "that reach it, 0 where none does\n");
     double pressure = 0.0;
     if (!run->resumed && !impact_gauge(&run->sim, &run->s, &pressure))
         fprintf(stderr, "no particle is at the gauge (%g, %g, %g) m from the target's centre: it "
@@ -700,35 +700,66 @@ static void impact_print(const impact_run *run, impact_report *to) {
 
 /* ---- what the program can be asked for ------------------------------------------------------- */
 
+enum { IMPACT_SAMPLE = 20000 }; /* particles that are enough to find out what more would take */
+
 /* What a run will take. */
 typedef struct impact_cost {
-    size_t particles;
-    double bytes, steps, each; /* [1] [1] [s] of a step */
-    int measured;              /* steps that were made to find out */
+    double particles, bytes, steps, each; /* [1] [1] [1] [s] of a step */
+    int measured;                         /* steps that were made to find out */
+    size_t sample;                        /* particles of them */
 } impact_cost;
 
-/* from a few steps of it; nothing is written */
+/* the settings of a sample; returns how many times as many particles the run has */
+static double impact_sample(const impact_settings *s, const impact_options *o,
+                            impact_settings *sample) {
+    double times = ((double)s->particles + (double)s->projectile_particles) / IMPACT_SAMPLE;
+    *sample = *s;
+    if (o->target_file != NULL || times <= 1.0) return 1.0;
+    sample->particles = (long)fmax(10.0, floor((double)s->particles / times));
+    sample->projectile_particles = (long)fmax(10.0, floor((double)s->projectile_particles / times));
+    return times;
+}
+
+/* the least h of all of a run's particles, from that of a sample's */
+static double impact_least_h(const impact_run *sample, const impact_settings *s) {
+    double share[IMPACT_BODIES] = {1.0, 1.0}, h = HUGE_VAL;
+    share[IMPACT_TARGET] = (double)sample->s.particles / (double)s->particles;
+    share[IMPACT_PROJECTILE] =
+        (double)sample->s.projectile_particles / (double)s->projectile_particles;
+    for (size_t i = 0; i < sample->sim.p.n; i++)
+        h = fmin(h, (double)sample->sim.p.h[i] * cbrt(share[sample->sim.p.body[i]]));
+    return h;
+}
+
+/* from a few steps of it, or of a sample of it; nothing is written */
 static impact_cost impact_estimate(const impact_settings *s, const impact_options *o) {
     sphpa_error err;
     impact_cost cost;
+    impact_settings sample;
     memset(&cost, 0, sizeof cost);
-    impact_run *run = impact_new(s, o, o->out);
+    double times = impact_sample(s, o, &sample);
+    impact_run *run = impact_new(&sample, o, o->out);
     if (impact_create(run, &err) != SPHPA_OK) example_fail(1, "%s", err.message);
-    double since = example_clock(), h = (double)run->sim.p.h[0];
+    double since = example_clock();
     while (cost.measured < 5 || (example_clock() - since < 2.0 && cost.measured < 50)) {
         if (sphpa_sim_step(&run->sim, s->t_end, &err) != SPHPA_OK)
             example_fail(1, "%s", err.message);
         cost.measured++;
     }
-    cost.each = (example_clock() - since) / cost.measured;
-    for (size_t i = 0; i < run->sim.p.n; i++) h = fmin(h, (double)run->sim.p.h[i]);
+    cost.each = times * (example_clock() - since) / cost.measured;
     /* shocked nylon: about 1.7 times its sound speed, and 0.3 of the impact's speed in mu */
     double c = 1.7 * sqrt(run->scene.material[1].eos.A / run->scene.material[1].eos.rho0);
-    cost.steps = ceil(s->t_end / (0.8 * s->cfl * h / (2.2 * c + 2.4 * 0.3 * s->speed)));
-    cost.particles = run->sim.p.n;
-    cost.bytes = (double)(sphpa_particles_bytes_each(&run->sim.p) * run->sim.p.n +
-                          sphpa_tree_bytes(&run->sim.tree) +
-                          sphpa_tree_lists_bytes(&run->sim.lists)) + 300.0 * (double)run->sim.p.n;
+    cost.steps =
+        ceil(s->t_end / (0.8 * s->cfl * impact_least_h(run, s) / (2.2 * c + 2.4 * 0.3 * s->speed)));
+    cost.sample = run->sim.p.n;
+    cost.particles = floor(times * (double)run->sim.p.n + 0.5);
+    /* the fields twice, for the bodies come first; 650 bytes a particle of pair records, fragments
+       and files; 10 MB of program and libraries: the peak of 20,000 to 150,000 particles to 15 % */
+    cost.bytes = 1e7 + times * ((double)(2 * sphpa_particles_bytes_each(&run->sim.p) *
+                                             run->sim.p.n +
+                                         sphpa_tree_bytes(&run->sim.tree) +
+                                         sphpa_tree_lists_bytes(&run->sim.lists)) +
+                                650.0 * (double)run->sim.p.n);
     impact_free(run);
     return cost;
 }
@@ -737,10 +768,14 @@ static int impact_dry_run(const impact_settings *s, const impact_options *o) {
     impact_options anew = *o;
     anew.resume = NULL;
     impact_cost cost = impact_estimate(s, &anew);
-    printf("particles %zu\nmemory    %.1f MB (peak so far %.1f MB)\nsteps     about %.0f\n"
-           "time      about %.0f s on %d threads (%.2f ms a step, measured over %d)\n",
-           cost.particles, 1e-6 * cost.bytes, 1e-6 * example_peak_memory(), cost.steps,
-           cost.steps * cost.each, example_threads(0), 1e3 * cost.each, cost.measured);
+    double seconds = cost.steps * cost.each;
+    printf("particles %.0f\nmemory    %.1f MB\nsteps     about %.0f\n", cost.particles,
+           1e-6 * cost.bytes, cost.steps);
+    printf("time      about %.0f s", seconds);
+    if (seconds > 7200.0) printf(" (%.1f %s)", seconds / (seconds > 172800.0 ? 86400.0 : 3600.0),
+                                 seconds > 172800.0 ? "days" : "hours");
+    printf(" on %d threads, %.2f ms a step; measured over %d steps of %zu particles\n",
+           example_threads(0), 1e3 * cost.each, cost.measured, cost.sample);
     return 0;
 }
 
@@ -869,8 +904,8 @@ static double impact_sensitivity_left(const impact_table *table, const impact_se
     impact_options anew = *o;
     anew.resume = NULL;
     impact_cost cost = impact_estimate(s, &anew);
-    fprintf(stderr, "about %.0f s for the other %d; stop it at any time: to go on, give the same %s\n",
-            work * cost.steps * cost.each, lacking,
+    fprintf(stderr, "about %.0f s for the other %d; stop it at any time: to go on, give the same "
+            "%s\n", work * cost.steps * cost.each, lacking,
             o->again ? "command" : "options and --resume auto");
     return work;
 }
@@ -910,8 +945,8 @@ static int impact_movie(const impact_settings *s, const impact_options *o) {
     impact_settings own = *s;
     char on[EXAMPLE_PATH], off[EXAMPLE_PATH];
     if (!example_have_gnuplot())
-        example_fail(1, "--movie %s: no gnuplot here to draw it; install it (make deps) and give the "
-                        "same command", o->movie);
+        example_fail(1, "--movie %s: no gnuplot here to draw it; install it (make deps) and give "
+                        "the same command", o->movie);
     own.every = own.t_end / 50.0;
     (void)impact_split(o->movie, on);
     example_folder_of(on, "--movie");

@@ -343,6 +343,9 @@ run --dry-run --out "$work/dry"
 for line in '^particles 2[0-9][0-9]$' '^memory +[0-9.]+ MB' '^steps +about [0-9]+' '^time +about'; do
     shows "$work/stdout" "$line" "--dry-run"
 done
+run --dry-run --out "$work/dry" --particles 1e8
+shows "$work/stdout" '^particles 1000000[0-9][0-9]$' "--dry-run of 1e8 particles"
+shows "$work/stdout" '^memory +[0-9]{6}\.[0-9] MB' "--dry-run of 1e8 particles"
 [ -d "$work/dry" ] && failed "--dry-run writes files"
 
 run --solver newton --out "$work/newton"
