@@ -709,15 +709,16 @@ typedef struct impact_cost {
     size_t sample;                        /* particles of them */
 } impact_cost;
 
-/* the settings of a sample; returns how many times as many particles the run has */
+/* the settings of a sample; returns how many particles the run has, 0: as many as the sample */
 static double impact_sample(const impact_settings *s, const impact_options *o,
                             impact_settings *sample) {
-    double times = ((double)s->particles + (double)s->projectile_particles) / IMPACT_SAMPLE;
+    double all = (double)s->particles + (double)s->projectile_particles;
+    double times = all / IMPACT_SAMPLE;
     *sample = *s;
-    if (o->target_file != NULL || times <= 1.0) return 1.0;
+    if (o->target_file != NULL || times <= 1.0) return 0.0;
     sample->particles = (long)fmax(10.0, floor((double)s->particles / times));
     sample->projectile_particles = (long)fmax(10.0, floor((double)s->projectile_particles / times));
-    return times;
+    return all;
 }
 
 /* the least h of all of a run's particles, from that of a sample's */
@@ -737,10 +738,12 @@ static impact_cost impact_estimate(const impact_settings *s, const impact_option
     impact_cost cost;
     impact_settings sample;
     memset(&cost, 0, sizeof cost);
-    double times = impact_sample(s, o, &sample);
+    cost.particles = impact_sample(s, o, &sample);
     impact_run *run = impact_new(&sample, o, o->out);
     if (impact_create(run, &err) != SPHPA_OK) example_fail(1, "%s", err.message);
-    double since = example_clock();
+    cost.sample = run->sim.p.n;
+    if (cost.particles <= 0.0) cost.particles = (double)cost.sample;
+    double since = example_clock(), times = cost.particles / (double)cost.sample;
     while (cost.measured < 5 || (example_clock() - since < 2.0 && cost.measured < 50)) {
         if (sphpa_sim_step(&run->sim, s->t_end, &err) != SPHPA_OK)
             example_fail(1, "%s", err.message);
@@ -751,15 +754,12 @@ static impact_cost impact_estimate(const impact_settings *s, const impact_option
     double c = 1.7 * sqrt(run->scene.material[1].eos.A / run->scene.material[1].eos.rho0);
     cost.steps =
         ceil(s->t_end / (0.8 * s->cfl * impact_least_h(run, s) / (2.2 * c + 2.4 * 0.3 * s->speed)));
-    cost.sample = run->sim.p.n;
-    cost.particles = floor(times * (double)run->sim.p.n + 0.5);
     /* the fields twice, for the bodies come first; 650 bytes a particle of pair records, fragments
        and files; 10 MB of program and libraries: the peak of 20,000 to 150,000 particles to 15 % */
-    cost.bytes = 1e7 + times * ((double)(2 * sphpa_particles_bytes_each(&run->sim.p) *
-                                             run->sim.p.n +
+    cost.bytes = 1e7 + times * ((double)(2 * sphpa_particles_bytes_each(&run->sim.p) * cost.sample +
                                          sphpa_tree_bytes(&run->sim.tree) +
                                          sphpa_tree_lists_bytes(&run->sim.lists)) +
-                                650.0 * (double)run->sim.p.n);
+                                650.0 * (double)cost.sample);
     impact_free(run);
     return cost;
 }
