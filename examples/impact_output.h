@@ -354,11 +354,12 @@ static sphpa_result impact_write_state(const char *out, const impact_history *hi
 
 /* ---- results --------------------------------------------------------------------------------- */
 
+/* from 10^5 Pa to twice where the last pores close */
 static void impact_write_curve(const char *out, const sphpa_crush *crush) {
     example_file file = example_open(out, "curve.dat");
     fprintf(file.stream, "# P[Pa] alpha of the crush curve\n");
     for (int k = 0; k <= 400; k++) {
-        double P = 1e5 * pow(1e5, k / 400.0);
+        double P = 1e5 * pow(2.0 * crush->Ps / 1e5, k / 400.0);
         fprintf(file.stream, "%.6e %.9f\n", P, sphpa_crush_alpha(crush, P, NULL));
     }
     example_close(&file);
@@ -412,29 +413,29 @@ static size_t impact_write_results(const char *out, const impact_history *histor
     "set palette defined (0 '#67000d', 0.35 '#e6550d', 0.7 '#fdae6b', 1 '#b8bec8')\n"              \
     "set cblabel 'distention " IMPACT_ALPHA "'\nset cbrange [1:4.64]\n"
 
+/* the early ones above the later ones, which have spread over more of the picture */
 static void impact_draw_palpha(const char *out, const impact_history *history) {
     char script[4096];
     int n = snprintf(script, sizeof script,
-                     "set title 'Target particles over the crush curve'\n"
+                     "set title 'Target particles on and below the crush curve'\n"
                      "set xlabel 'pressure P [Pa]; what lies below 10^5 Pa is drawn at the left "
                      "edge'\nset ylabel 'distention " IMPACT_ALPHA "'\n"
-                     "set logscale x\nset format x '10^{%%T}'\nset xrange [1e5:1e10]\n"
+                     "set logscale x\nset format x '10^{%%T}'\nset xrange [1e5:*] noextend\n"
                      "set yrange [0.9:4.9]\nset key top right Left reverse box opaque\n"
-                     "set grid\nplot ");
+                     "set grid\nplot 'curve.dat' with lines linewidth 6 linecolor '#d0d0d0' "
+                     "title 'crush curve'");
+    static const char *const colour[4] = {"#d7191c", "#fd8d3c", "#2ca25f", "#2c5fa8"};
     const int end = history->count - 1, shown[4] = {1, 2, end / 4, end}; /* most happens early */
-    for (int k = 0, last = 0; k < 4; k++) {
+    for (int k = 3; k >= 0; k--) {
         char name[32];
         int index = shown[k];
         snprintf(name, sizeof name, "palpha_%04d.dat", index);
-        if (index <= last || index > end || !impact_there(out, name)) continue;
-        last = index;
+        if (index > end || (k > 0 && index <= shown[k - 1]) || !impact_there(out, name)) continue;
         n += snprintf(script + n, sizeof script - (size_t)n,
-                      "'%s' using ($1>1.1e5?$1:1.1e5):2 with points pointtype 7 pointsize 0.5 "
-                      "title 't = %.3g " IMPACT_MICRO "s', ", name,
+                      ", '%s' using ($1>1.1e5?$1:1.1e5):2 with points pointtype 7 pointsize 0.5 "
+                      "linecolor '%s' title 't = %.3g " IMPACT_MICRO "s'", name, colour[k],
                       1e6 * history->record[index].time);
     }
-    snprintf(script + n, sizeof script - (size_t)n,
-             "'curve.dat' with lines linewidth 2 linecolor 'black' title 'crush curve'");
     example_picture(out, "palpha.png", 900, 620, script);
 }
 
@@ -449,18 +450,20 @@ static void impact_draw_cut(const char *out, const impact_history *history, size
     int index = history->count - 1;
     double r = 160.0 * radius, point = impact_point(particles);
     snprintf(script, sizeof script,
-             "set multiplot layout 1,2 title 'Cut through the target at t = %.3g " IMPACT_MICRO "s "
-             "(black: the projectile)'\n"
+             "set multiplot layout 1,2 title 'Slice through the centre, t = %.3g " IMPACT_MICRO
+             "s, %zu particles in all'\n"
              "set size ratio -1\nset xrange [%g:%g]\nset yrange [%g:%g]\nunset key\n"
              "set xlabel 'x [cm]'\nset ylabel 'z [cm]'\n"
              IMPACT_DAMAGE_COLOURS
+             "set title 'damage of the target (black: the projectile)'\n"
              "plot 'cut_%04d.dat' " IMPACT_DAMAGE_POINTS "\n"
              IMPACT_PORES_COLOURS
+             "set title 'distention of the target (1: no pores left)'\n"
              "plot 'cut_%04d.dat' using ($5==0?$1:1/0):2:3 with points pointtype 7 pointsize %g "
              "palette\nunset multiplot",
-             1e6 * history->record[index].time, -r, r, -r, r, index, point, 0.4 * point, index,
-             point);
-    example_picture(out, "cut.png", 1200, 560, script);
+             1e6 * history->record[index].time, particles, -r, r, -r, r, index, point,
+             0.4 * point, index, point);
+    example_picture(out, "cut.png", 1200, 580, script);
 }
 
 static void impact_draw_spectrum(const char *out, size_t fragments) {
@@ -470,19 +473,20 @@ static void impact_draw_spectrum(const char *out, size_t fragments) {
     }
     char script[2048];
     snprintf(script, sizeof script,
-             "set title 'Cumulative mass spectrum of the fragments'\n"
+             "set title 'Cumulative mass spectrum: %zu fragment%s'\n"
              "set xlabel 'mass m of the target''s mass'\nset ylabel 'number of fragments of mass m "
-             "or more'\nset logscale xy\nset xrange [1e-6:1.5]\nset yrange [0.7:%g]\n"
-             "set format x '10^{%%T}'\nset grid\nset key below height 1\n"
+             "or more'\nstats 'spectrum.dat' using 1 nooutput\nset logscale xy\n"
+             "set xrange [STATS_min < 0.06 ? 0.5*STATS_min : 0.03:1.5]\nset yrange [0.7:%g]\n"
+             "set grid\nset key below height 1\n"
              "set arrow from 0.0996, graph 0 to 0.0996, graph 1 nohead linewidth 2 linecolor "
              "'#2c7fb8'\n"
              "set arrow from 0.0835, graph 0 to 0.0835, graph 1 nohead dashtype 2 linewidth 2 "
              "linecolor '#d95f0e'\n"
-             "plot 'spectrum.dat' using 1:2 with steps linewidth 2 linecolor 'black' title 'this "
-             "run', '' using 1:2 with points pointtype 7 pointsize 0.5 linecolor 'black' notitle, "
+             "plot 'spectrum.dat' using 1:2 with steps linewidth 2 linecolor 'black' notitle, "
+             "'' using 1:2 with points pointtype 7 pointsize 0.8 linecolor 'black' title 'this run', "
              "1/0 linewidth 2 linecolor '#2c7fb8' title 'largest in the experiment, 0.0996', "
              "1/0 dashtype 2 linewidth 2 linecolor '#d95f0e' title 'largest of GASPHiA, 0.0835'",
-             fmax(10.0, 3.0 * (double)fragments));
+             fragments, fragments > 1 ? "s" : "", fmax(4.0, 2.0 * (double)fragments));
     example_picture(out, "spectrum.svg", 800, 560, script);
 }
 
@@ -501,14 +505,16 @@ static void impact_draw_largest(const char *out) {
 }
 
 static void impact_draw_gauge(const char *out, const impact_settings *s) {
-    char script[1024];
+    char script[2048];
     snprintf(script, sizeof script,
              "set title \"Pressure at (%g, %g, %g) cm from the target's centre\\n"
              "{/*0.8 mean over the target's particles that reach there, by volume and kernel;}\\n"
              "{/*0.8 a broken one bears no tension; 0 where the crater has emptied it}\"\n"
              "set xlabel 'time [" IMPACT_MICRO "s]'\nset ylabel 'mean pressure [MPa]'\nset grid\n"
              "unset key\n"
-             "set yrange [*<-0.01:0.01<*]\n"
+             "stats 'gauge.dat' using ($2*1e-6) nooutput\n"
+             "set yrange [STATS_min < 0 ? 1.05*STATS_min : 0:1.05*STATS_max > 0.01 ? "
+             "1.05*STATS_max : 0.01]\n"
              "plot 'gauge.dat' using ($1*1e6):($2*1e-6) with lines linewidth 1.5",
              100.0 * s->gauge[0], 100.0 * s->gauge[1], 100.0 * s->gauge[2]);
     example_picture(out, "gauge.svg", 800, 460, script);
