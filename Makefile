@@ -96,7 +96,7 @@ test: ## build and run the tests, one program a section
 # A check is any tests/check_*: tests/lib.sh says what is asked of one.
 CHECKS := $(sort $(wildcard tests/check_*.sh tests/check_*.py))
 
-check: ## compile matrix, names, layers, what is left out, sanitizers, float, readers of the snapshots
+check: ## compile matrix, names, layers, what is left out, sanitizers, float, readers of the snapshots, command lines
 	@mkdir -p $(BUILD)/check && : > $(BUILD)/check/skipped
 	@passed=0; bad=; PYTHON=$$(sh tests/python.sh); \
 	BUILD=$(BUILD) JOBS=$(JOBS) MAKE='$(MAKE)' CHECK_SKIPS=$(BUILD)/check/skipped; \

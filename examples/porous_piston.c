@@ -231,9 +231,6 @@ int main(int argc, char **argv) {
     };
     example_parse(argc, argv, "a shock in a porous solid against its Hugoniot", SPHPA_VERSION,
                   options, (int)(sizeof options / sizeof options[0]));
-    example_folder(out);
-    (void)example_threads(threads);
-
     sphpa_error err;
     const sphpa_tillotson *matrix = sphpa_tillotson_find(porous ? "pumice" : "aluminium");
     sphpa_crush crush = porous ? sphpa_crush_pumice() : sphpa_crush_porous_aluminium();
@@ -254,6 +251,8 @@ int main(int argc, char **argv) {
     if (run.t_end > longest)
         example_fail(2, "--t-end %g: the first wave is at the far end at %.4e s; stop before or "
                         "raise --length", t_end, longest);
+    example_folder(out);
+    (void)example_threads(threads);
 
     sphpa_solid_material solid_material = {0};
     solid_material.eos = sphpa_tillotson_eos(matrix);
