@@ -87,6 +87,28 @@ else
 fi
 say "pictures say what the programs say, and nothing is complained of"
 
+# ---- the README's material has every key, and is the table's ----
+# shellcheck disable=SC2016 # those are a fence of Markdown
+sed -n '/^name = /,/^```/{/^```/!p;}' README.md > "$work/material.txt"
+cat > "$work/material.c" << 'END'
+#define SPHPA_EOS_IMPLEMENTATION
+#include "sphpa.h"
+int main(int argc, char **argv) {
+    sphpa_material m, row = *sphpa_material_find("basalt");
+    sphpa_error err;
+    if (sphpa_material_read(argc > 1 ? argv[1] : "", &m, &err) != SPHPA_OK) return puts(err.message), 1;
+    memset(m.name, 0, sizeof m.name);
+    memset(row.name, 0, sizeof row.name);
+    return memcmp(&m, &row, sizeof m) != 0;
+}
+END
+$CC -std=c11 -I"$include" "$work/material.c" -o "$work/material" -lm || failed "the reader of a material does not build"
+"$work/material" "$work/material.txt" || failed "the README's material is not read, or is not basalt"
+echo 'every = 1' > "$work/no_such_key.txt"
+for key in $("$work/material" "$work/no_such_key.txt" | sed 's/.*the keys are //; s/,//g'); do
+    [ "$key" = like ] || grep -q "^$key = " "$work/material.txt" || failed "the README's material lacks the key $key"
+done
+
 # ---- a compiler that is not here: said before anything is looked for or installed ----
 CC=no-such-cc sh tests/deps.sh impact > "$work/deps" 2>&1 && failed "deps.sh with CC=no-such-cc: exit status 0"
 [ "$(wc -l < "$work/deps")" -eq 1 ] || failed "deps.sh with CC=no-such-cc: $(wc -l < "$work/deps") lines, not one"
