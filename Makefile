@@ -72,16 +72,15 @@ impact-full: ## the same with 300,000 particles; goes on where it was stopped
 	$(IMPACT) --particles 300000 --out $(BUILD)/impact-full $(ARGS) --dry-run
 	$(IMPACT) --particles 300000 --out $(BUILD)/impact-full --resume auto $(ARGS)
 
-sensitivity: ## how the largest fragment depends on each assumption: build/sensitivity.csv
+sensitivity: ## how the largest fragment depends on each assumption: build/sensitivity.csv; goes on
 	@$(DEPS) impact
 	@+$(INNER_MAKE) $(IMPACT)
-	$(IMPACT) --sensitivity $(BUILD)/sensitivity.csv $(ARGS)
+	$(IMPACT) --sensitivity $(BUILD)/sensitivity.csv --out $(BUILD)/impact --resume auto $(ARGS)
 
-movie: ## the impact as an animated GIF, correction and Balsara on beside off
+movie: ## the impact as an animated GIF, correction and Balsara on beside off; goes on
 	@$(DEPS) impact
 	@+$(INNER_MAKE) $(IMPACT)
-	@mkdir -p $(BUILD)/movie
-	$(IMPACT) --movie $(BUILD)/movie/impact.gif $(ARGS)
+	$(IMPACT) --movie $(BUILD)/movie/impact.gif --out $(BUILD)/impact --resume auto $(ARGS)
 
 examples: ## build all examples into build/examples
 	@$(DEPS) impact
@@ -97,7 +96,7 @@ test: ## build and run the tests, one program a section
 # A check is any tests/check_*: tests/lib.sh says what is asked of one.
 CHECKS := $(sort $(wildcard tests/check_*.sh tests/check_*.py))
 
-check: ## compile matrix, names, layers, what is left out, sanitizers, float, readers of the snapshots
+check: ## compile matrix, names, layers, what is left out, sanitizers, float, readers of the snapshots, command lines
 	@mkdir -p $(BUILD)/check && : > $(BUILD)/check/skipped
 	@passed=0; bad=; PYTHON=$$(sh tests/python.sh); \
 	BUILD=$(BUILD) JOBS=$(JOBS) MAKE='$(MAKE)' CHECK_SKIPS=$(BUILD)/check/skipped; \

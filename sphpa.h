@@ -555,7 +555,8 @@ SPHPA_DEF const sphpa_tillotson *sphpa_tillotson_find(const char *name); /* NULL
 /* Reads a material from a text file of `key = value` lines; # starts a comment. The keys are the
    names of the fields above (name, rho0, A, B, E0, u_iv, u_cv, a, b, alpha, beta, c2_floor,
    tensile_limit, eta_cut, zero_B_expanded, G, Y, u_melt, weibull_k, weibull_m), in SI units, with a
-   decimal point whatever the locale. `like = basalt`, on any line, takes what the file leaves out
+   decimal point whatever the locale; alpha and beta are Tillotson's, for a material has no
+   distention: that comes with the crush curve. `like = basalt`, on any line, takes what the file leaves out
    from a row of the table; without it name and the ten parameters rho0 to beta are required.
    *out is untouched on an error; *err (may be NULL) gets file, line, value and cure: ERROR_FILE
    (cannot be read), ERROR_PARSE (no such line, number or name, or a key twice), ERROR_UNKNOWN (key
@@ -1255,7 +1256,8 @@ SPHPA_DEF sphpa_result sphpa_tree_friends(const sphpa_tree *tree, const double *
     X(rho, double, 1, "Densities", -3, 1, 0, STATE, INTERPOLATE, BY_MASS, "bulk density [kg/m3]")  \
     X(u, double, 1, "InternalEnergies", 2, 0, -2, STATE, COPY, BY_MASS,                            \
       "specific internal energy [J/kg]")                                                           \
-    X(P, sphpa_real, 1, "Pressures", -1, 1, -2, DERIVED, RESET, RESET, "pressure [Pa]")            \
+    X(P, sphpa_real, 1, "Pressures", -1, 1, -2, DERIVED, RESET, RESET,                             \
+      "pressure, undamaged: where negative, 1 - D of it acts [Pa]")                                \
     X(c, sphpa_real, 1, "SoundSpeeds", 1, 0, -1, DERIVED, RESET, RESET,                            \
       "fastest signal in the material at rest [m/s]")                                              \
     X(c_visc, sphpa_real, 1, "ViscousSpeeds", 1, 0, -1, DERIVED, RESET, RESET,                     \
@@ -1578,7 +1580,7 @@ typedef struct sphpa_sim_options {
 typedef struct sphpa_totals {
     double mass;        /* [kg] */
     double momentum[3]; /* [kg m/s] */
-    double angular[3];  /* [kg m2/s] about the origin */
+    double angular[3];  /* [kg m2/s] about the centre of mass; means nothing in a periodic box */
     double kinetic;     /* [J] */
     double internal;    /* [J] */
     double energy;      /* [J] kinetic and internal */
@@ -7135,12 +7137,14 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_bad_(const sphpa_sim *sim, size_t i, const
     return sphpa_error_set(
         err, SPHPA_ERROR_STATE,
         "%s: %s at t = %.6e s, step %llu, dt = %.3e s: particle %zu (id %lld) at (%.6g, %.6g, "
-        "%.6g), v (%.4g, %.4g, %.4g), rho = %.6g, u = %.6g, h = %.4g, P = %.4g, alpha = %.9g; "
-        "try a smaller cfl, from the last checkpoint where there is one",
+        "%.6g), v (%.4g, %.4g, %.4g), rho = %.6g, u = %.6g, h = %.4g, P = %.4g, alpha = %.9g; %s",
         where, sphpa_result_message(why), sim->time, (unsigned long long)sim->stats.steps, sim->dt,
         i, (long long)p->id[i], p->x[3 * i], p->x[3 * i + 1], p->x[3 * i + 2],
         (double)p->v[3 * i], (double)p->v[3 * i + 1], (double)p->v[3 * i + 2], p->rho[i], p->u[i],
-        (double)p->h[i], p->P ? (double)p->P[i] : 0.0, p->alpha ? p->alpha[i] : 1.0);
+        (double)p->h[i], p->P ? (double)p->P[i] : 0.0, p->alpha ? p->alpha[i] : 1.0,
+        why == SPHPA_ERROR_NOT_CONVERGED
+            ? sphpa_result_hint(why)
+            : "try a smaller cfl, from the last checkpoint where there is one");
 }
 
 /* the first particle whose state makes no sense, or n */
@@ -8064,39 +8068,58 @@ SPHPA_DEF void sphpa_sim_free(sphpa_sim *sim) {
 
 /* ---- what came of it ------------------------------------------------------------------------- */
 
-SPHPA_PRIVATE_ void sphpa_totals_of_block_(const sphpa_particles *p, size_t first, size_t last,
-                                           double sum[9]) {
-    for (int k = 0; k < 9; k++) sum[k] = 0.0;
+/* sum: mass, and mass times position */
+SPHPA_PRIVATE_ void sphpa_centre_of_block_(const sphpa_particles *p, size_t first, size_t last,
+                                           double sum[4]) {
+    for (int k = 0; k < 4; k++) sum[k] = 0.0;
     for (size_t i = first; i < last; i++) {
         double m = (double)p->m[i];
-        const double *x = p->x + 3 * i;
-        double v[3] = {(double)p->v[3 * i], (double)p->v[3 * i + 1], (double)p->v[3 * i + 2]};
         sum[0] += m;
+        for (size_t a = 0; a < 3; a++) sum[1 + a] += m * p->x[3 * i + a];
+    }
+}
+
+/* sum: momentum, angular momentum about the centre, kinetic and internal energy */
+SPHPA_PRIVATE_ void sphpa_totals_of_block_(const sphpa_particles *p, size_t first, size_t last,
+                                           const double centre[3], double sum[8]) {
+    for (int k = 0; k < 8; k++) sum[k] = 0.0;
+    for (size_t i = first; i < last; i++) {
+        double m = (double)p->m[i], x[3], v[3];
+        for (size_t a = 0; a < 3; a++) {
+            x[a] = p->x[3 * i + a] - centre[a];
+            v[a] = (double)p->v[3 * i + a];
+        }
         for (int a = 0; a < 3; a++) {
             int b = (a + 1) % 3, c = (a + 2) % 3;
-            sum[1 + a] += m * v[a];
-            sum[4 + a] += m * (x[b] * v[c] - x[c] * v[b]);
+            sum[a] += m * v[a];
+            sum[3 + a] += m * (x[b] * v[c] - x[c] * v[b]);
         }
-        sum[7] += 0.5 * m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
-        sum[8] += m * p->u[i];
+        sum[6] += 0.5 * m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+        sum[7] += m * p->u[i];
     }
 }
 
 SPHPA_DEF sphpa_totals sphpa_sim_totals(const sphpa_sim *sim) {
-    double all[9] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    double centre[4] = {0.0, 0.0, 0.0, 0.0}, all[8] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    double part[8];
     size_t blocks = sphpa_blocks_(sim->p.n);
     for (size_t block = 0; block < blocks; block++) {
-        double part[9];
-        sphpa_totals_of_block_(&sim->p, block * SPHPA_BLOCK_, sphpa_block_end_(block, sim->p.n),
+        sphpa_centre_of_block_(&sim->p, block * SPHPA_BLOCK_, sphpa_block_end_(block, sim->p.n),
                                part);
-        for (int k = 0; k < 9; k++) all[k] += part[k];
+        for (int k = 0; k < 4; k++) centre[k] += part[k];
+    }
+    for (int a = 1; a < 4 && centre[0] > 0.0; a++) centre[a] /= centre[0];
+    for (size_t block = 0; block < blocks; block++) {
+        sphpa_totals_of_block_(&sim->p, block * SPHPA_BLOCK_, sphpa_block_end_(block, sim->p.n),
+                               centre + 1, part);
+        for (int k = 0; k < 8; k++) all[k] += part[k];
     }
     sphpa_totals totals;
-    totals.mass = all[0];
-    for (int a = 0; a < 3; a++) totals.momentum[a] = all[1 + a], totals.angular[a] = all[4 + a];
-    totals.kinetic = all[7];
-    totals.internal = all[8];
-    totals.energy = all[7] + all[8];
+    totals.mass = centre[0];
+    for (int a = 0; a < 3; a++) totals.momentum[a] = all[a], totals.angular[a] = all[3 + a];
+    totals.kinetic = all[6];
+    totals.internal = all[7];
+    totals.energy = all[6] + all[7];
     return totals;
 }
 

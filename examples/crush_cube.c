@@ -51,7 +51,7 @@ typedef struct watch {
     int64_t centre;       /* id of the particle nearest to the centre */
     double P_centre, alpha_centre;
     size_t grew;          /* steps of particles in which alpha grew */
-    FILE *path, *points;
+    example_file path, points;
     const sphpa_crush *crush;
     const char *phase;
 } watch;
@@ -68,7 +68,7 @@ static void look(const sphpa_sim *sim, watch *w, int loading) {
         if (sim->p.id[i] != w->centre) continue;
         w->P_centre = P;
         w->alpha_centre = now;
-        fprintf(w->path, "%.9g %.9g %.9g %s\n", w->P_centre, now, sim->p.rho[i], w->phase);
+        fprintf(w->path.stream, "%.9g %.9g %.9g %s\n", w->P_centre, now, sim->p.rho[i], w->phase);
     }
 }
 
@@ -81,11 +81,15 @@ static void squeeze(sphpa_sim *sim, press *params, watch *w, const char *phase, 
     for (size_t k = 0; k < 3 * sim->p.n; k++)
         sim->p.v[k] = (sphpa_real)(params->rate * sim->p.x[k]);
     for (long step = 0; step < steps; step++) {
-        if (sphpa_sim_step(sim, HUGE_VAL, &err) != SPHPA_OK) example_fail(1, "%s", err.message);
+        if (sphpa_sim_step(sim, HUGE_VAL, &err) != SPHPA_OK) {
+            example_discard(&w->path);
+            example_discard(&w->points);
+            example_fail(1, "%s", err.message);
+        }
         look(sim, w, strain < 0.0);
     }
     for (size_t i = 0; i < sim->p.n; i++)
-        fprintf(w->points, "%.9g %.9g\n", (double)sim->p.P[i], sim->p.alpha[i]);
+        fprintf(w->points.stream, "%.9g %.9g\n", (double)sim->p.P[i], sim->p.alpha[i]);
 }
 
 /* Down the elastic line by nine tenths of the pressure, up again, where P must be what it was, and
@@ -199,18 +203,17 @@ int main(int argc, char **argv) {
     w.P = malloc(sim.p.n * sizeof *w.P);
     if (w.alpha == NULL || w.P == NULL) example_fail(1, "out of memory; lower --edge");
     for (size_t i = 0; i < sim.p.n; i++) w.alpha[sim.p.id[i]] = crush.alpha0;
-    example_file path = example_open(out, "path.dat"), points = example_open(out, "points.dat");
-    w.path = path.stream;
-    w.points = points.stream;
-    fprintf(w.path, "# at the centre: P[Pa] alpha rho[kg/m3] phase\n");
-    fprintf(w.points, "# particles at the ends of the phases: P[Pa] alpha\n");
+    w.path = example_open(out, "path.dat");
+    w.points = example_open(out, "points.dat");
+    fprintf(w.path.stream, "# at the centre: P[Pa] alpha rho[kg/m3] phase\n");
+    fprintf(w.points.stream, "# particles at the ends of the phases: P[Pa] alpha\n");
     double all = log(crush.alpha0); /* closes all pores, for heat holds up what pressure does not */
     for (long k = 0; k < cycles; k++) {
         squeeze(&sim, &params, &w, "load", -all / (double)(cycles * steps), steps);
         release(&sim, &params, &w, matrix->A, 10);
     }
-    example_close(&path);
-    example_close(&points);
+    example_close(&w.path);
+    example_close(&w.points);
     write_curve(out, &crush);
 
     double room = crush.alpha0 - 1.0;

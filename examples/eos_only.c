@@ -8,6 +8,10 @@
 #include <string.h>
 
 int main(int argc, char **argv) {
+    if (argc > 1 && strcmp(argv[1], "--version") == 0) {
+        printf("eos_only, sphpa %s\n", SPHPA_VERSION);
+        return 0;
+    }
     if (argc > 1) {
         printf("%s: takes no arguments; prints how pumice is crushed and released along a path\n",
                argv[0]);

@@ -70,7 +70,7 @@ static inline _Noreturn void example_fail(int status, const char *format, ...) {
 
 typedef enum example_kind {
     EXAMPLE_NUMBER,  /* a double within [low, high] */
-    EXAMPLE_VECTOR,  /* doubles with commas between them */
+    EXAMPLE_VECTOR,  /* doubles within [low, high], with commas between them */
     EXAMPLE_COUNT,   /* a long within [low, high] */
     EXAMPLE_CHOICE,  /* one of the words in `argument`; the value is its place, from 0 */
     EXAMPLE_SWITCH,  /* on or off */
@@ -114,9 +114,12 @@ static inline example_option example_number(const char *name, const char *unit, 
 }
 
 static inline example_option example_vector(const char *name, const char *form, double *values,
-                                            int length, const char *help) {
+                                            int length, double low, double high,
+                                            const char *help) {
     example_option option = example_option_(name, form, values, EXAMPLE_VECTOR, help);
     option.length = length;
+    option.low = low;
+    option.high = high;
     return option;
 }
 
@@ -220,8 +223,9 @@ static inline double example_parse_number_(const example_option *option, const c
     if (stop == *text || *stop != end || !(value - value == 0.0))
         example_refuse_(option, all, why);
     if (!(value >= option->low && value <= option->high))
-        example_fail(2, "--%s %s: out of range; it goes from %g to %g", option->name, all,
-                     option->low, option->high);
+        example_fail(2, "--%s %s: out of range; %s from %g to %g", option->name, all,
+                     option->length > 1 ? "each number goes" : "it goes", option->low,
+                     option->high);
     *text = end != '\0' ? stop + 1 : stop;
     return value;
 }
@@ -234,15 +238,16 @@ static inline int example_parse_word_(const example_option *option, const char *
     example_fail(2, "--%s %s: unknown; give one of %s", option->name, text, option->argument);
 }
 
+/* a whole number, also written like 1e6 */
 static inline long example_parse_count_(const example_option *option, const char *text) {
     char *stop = NULL;
-    errno = 0;
-    long value = strtol(text, &stop, 10);
-    if (stop == text || *stop != '\0') example_refuse_(option, text, "not a whole number");
-    if (errno != 0 || (double)value < option->low || (double)value > option->high)
+    double value = strtod(text, &stop);
+    if (stop == text || *stop != '\0' || floor(value) != value || !(value - value == 0.0))
+        example_refuse_(option, text, "not a whole number");
+    if (value < option->low || value > option->high)
         example_fail(2, "--%s %s: out of range; it goes from %.0f to %.0f", option->name, text,
                      option->low, option->high);
-    return value;
+    return (long)value;
 }
 
 static inline void example_set_(const example_option *option, const char *text) {
@@ -429,13 +434,13 @@ static inline bool example_is_folder_(const char *path) {
 #endif
 }
 
-/* mkdir -p; ends the program where that cannot be done */
-static inline void example_folder(const char *path) {
+/* mkdir -p; ends the program where that cannot be done. `option` is what chose the folder. */
+static inline void example_folder_of(const char *path, const char *option) {
     char part[EXAMPLE_PATH];
     size_t length = strlen(path);
     if (length == 0 || length >= sizeof part)
-        example_fail(1, "output folder \"%.60s\": give a name of 1 to %d characters", path,
-                     EXAMPLE_PATH - 1);
+        example_fail(1, "output folder \"%.60s\": give a name of 1 to %d characters with %s", path,
+                     EXAMPLE_PATH - 1, option);
     for (size_t k = 1; k <= length; k++) {
         if (path[k] != '/' && path[k] != '\0') continue;
         memcpy(part, path, k);
@@ -443,10 +448,12 @@ static inline void example_folder(const char *path) {
         if (example_mkdir_(part) == 0) continue;
         int why = errno;
         if (!example_is_folder_(part))
-            example_fail(1, "output folder %s: cannot make %s (%s); choose another with --out",
-                         path, part, strerror(why));
+            example_fail(1, "output folder %s: cannot make %s (%s); choose another with %s", path,
+                         part, strerror(why), option);
     }
 }
+
+static inline void example_folder(const char *path) { example_folder_of(path, "--out"); }
 
 /* A file that has its name only once it is whole: it is written as NAME.part. */
 typedef struct example_file {
@@ -454,7 +461,8 @@ typedef struct example_file {
     char path[EXAMPLE_PATH], part[EXAMPLE_PATH + 8];
 } example_file;
 
-static inline example_file example_open(const char *folder, const char *name) {
+static inline example_file example_open_of(const char *folder, const char *name,
+                                           const char *option) {
     example_file file;
     int n = snprintf(file.path, sizeof file.path, "%s/%s", folder, name);
     if (n < 0 || (size_t)n >= sizeof file.path)
@@ -462,9 +470,19 @@ static inline example_file example_open(const char *folder, const char *name) {
     snprintf(file.part, sizeof file.part, "%s.part", file.path);
     file.stream = fopen(file.part, "w");
     if (file.stream == NULL)
-        example_fail(1, "cannot write %s (%s); choose another folder with --out", file.part,
-                     strerror(errno));
+        example_fail(1, "cannot write %s (%s); choose another folder with %s", file.part,
+                     strerror(errno), option);
     return file;
+}
+
+static inline example_file example_open(const char *folder, const char *name) {
+    return example_open_of(folder, name, "--out");
+}
+
+/* instead of closing it: nothing stays behind */
+static inline void example_discard(example_file *file) {
+    fclose(file->stream);
+    remove(file->part);
 }
 
 static inline void example_close(example_file *file) {
@@ -544,6 +562,7 @@ static inline bool example_picture(const char *folder, const char *name, int wid
     bool png = dot != NULL && strcmp(dot, ".png") == 0;
     bool gif = dot != NULL && strcmp(dot, ".gif") == 0;
     snprintf(script_name, sizeof script_name, "%s.gp", name);
+    fflush(stdout); /* what was printed comes before what is said here */
     example_file file = example_open(folder, script_name);
     fprintf(file.stream, "set encoding utf8\nif (!exists('part')) part = ''\n");
     fprintf(file.stream, "set terminal %s size %d,%d font 'Sans,%d' background 'white'\n",

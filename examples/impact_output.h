@@ -14,6 +14,40 @@ typedef struct impact_history {
     impact_record record[IMPACT_RECORDS];
 } impact_history;
 
+#define IMPACT_WINDOW 2e-5   /* [s] of the run's end over which the largest fragment is watched */
+#define IMPACT_SHORTEST 5e-5 /* [s] a run that is shorter tells nothing about the end */
+
+/* How the largest fragment goes on at the end of a run: over its last 20 us or its last fifth,
+   whichever is longer, however many outputs lie in them. */
+typedef struct impact_trend {
+    int outputs;         /* that were looked at */
+    double span, change; /* [s] they cover; [1] largest less least share of the target's mass */
+    double last_two;     /* [1] between the last two outputs */
+    bool short_run, few; /* cannot be told: the run is too short; less than three outputs */
+    bool settled;        /* the change is below 0.01 */
+} impact_trend;
+
+static impact_trend impact_trend_of(const impact_history *history) {
+    impact_trend trend;
+    int last = history->count - 1;
+    double end = history->record[last].time, window = fmax(IMPACT_WINDOW, 0.2 * end);
+    double least = history->record[last].largest, most = least;
+    memset(&trend, 0, sizeof trend);
+    for (int k = last; k >= 0 && history->record[k].time >= end - window * (1.0 + 1e-9); k--) {
+        least = fmin(least, history->record[k].largest);
+        most = fmax(most, history->record[k].largest);
+        trend.span = end - history->record[k].time;
+        trend.outputs++;
+    }
+    trend.change = most - least;
+    if (last > 0)
+        trend.last_two = fabs(history->record[last].largest - history->record[last - 1].largest);
+    trend.short_run = end < IMPACT_SHORTEST * (1.0 - 1e-9);
+    trend.few = trend.outputs < 3;
+    trend.settled = !trend.short_run && !trend.few && trend.change < 0.01;
+    return trend;
+}
+
 static bool impact_has_hdf5(void) {
 #ifdef SPHPA_WITH_HDF5
     return true;
@@ -25,27 +59,42 @@ static bool impact_has_hdf5(void) {
 /* ---- settings as a list ---------------------------------------------------------------------- */
 
 #ifdef SPHPA_WITH_HDF5
-/* All that a resumed run must share with the one before, and that files tell of it. */
+/* What files tell of a run. A resumed run must share the first of them with the one before. */
 typedef struct impact_setting {
     const char *name; /* of the option; behind a blank, which part of it */
     double value;
+    const char *words; /* what values from 0 stand for, or NULL */
 } impact_setting;
 
-enum { IMPACT_LISTED = 24 };
+enum { IMPACT_SHARED = 24, IMPACT_LISTED = 26 };
 
 static void impact_list(const impact_settings *s, impact_setting list[IMPACT_LISTED]) {
     const impact_setting all[IMPACT_LISTED] = {
-        {"speed", s->speed}, {"angle", s->angle}, {"target-diameter", s->target_diameter},
-        {"projectile-diameter", s->projectile_diameter}, {"particles", (double)s->particles},
-        {"projectile-particles", (double)s->projectile_particles}, {"curve", s->curve},
-        {"solver", s->solver}, {"weibull-k", s->weibull_k}, {"weibull-m", s->weibull_m},
-        {"seed", (double)s->seed}, {"lattice-seed", (double)s->lattice_seed},
-        {"correction", s->correction}, {"balsara", s->balsara}, {"tension", s->tension},
-        {"spread", s->spread},
-        {"viscosity a", s->viscosity[0]}, {"viscosity b", s->viscosity[1]},
-        {"every", s->every}, {"gauge x", s->gauge[0]}, {"gauge y", s->gauge[1]},
-        {"gauge z", s->gauge[2]}, {"link", s->link}, {"damage-below", s->damage_below}};
+        {"speed", s->speed, NULL}, {"angle", s->angle, NULL},
+        {"target-diameter", s->target_diameter, NULL},
+        {"projectile-diameter", s->projectile_diameter, NULL},
+        {"particles", (double)s->particles, NULL},
+        {"projectile-particles", (double)s->projectile_particles, NULL},
+        {"curve", s->curve, IMPACT_CURVES}, {"solver", s->solver, IMPACT_SOLVERS},
+        {"weibull-k", s->weibull_k, NULL}, {"weibull-m", s->weibull_m, NULL},
+        {"seed", (double)s->seed, NULL}, {"lattice-seed", (double)s->lattice_seed, NULL},
+        {"correction", s->correction, "off|on"}, {"balsara", s->balsara, "off|on"},
+        {"tension", s->tension, NULL}, {"spread", s->spread, NULL},
+        {"viscosity a", s->viscosity[0], NULL}, {"viscosity b", s->viscosity[1], NULL},
+        {"every", s->every, NULL}, {"gauge x", s->gauge[0], NULL},
+        {"gauge y", s->gauge[1], NULL}, {"gauge z", s->gauge[2], NULL},
+        {"link", s->link, NULL}, {"damage-below", s->damage_below, NULL},
+        {"cfl", s->cfl, NULL}, {"t-end", s->t_end, NULL}};
     memcpy(list, all, sizeof all);
+}
+
+/* a setting's value as one would give it */
+static void impact_value(const impact_setting *setting, char text[32]) {
+    size_t length = 0;
+    const char *word =
+        setting->words != NULL ? example_word_(setting->words, (int)setting->value, &length) : NULL;
+    if (word != NULL) snprintf(text, 32, "%.*s", (int)length, word);
+    else snprintf(text, 32, "%.15g", setting->value);
 }
 
 /* the list as the text that a file keeps under /Parameters; must live as long as the info */
@@ -78,6 +127,7 @@ static double impact_origin(const impact_settings *s) { return 2.0 * s->target_d
 /* ---- logs ------------------------------------------------------------------------------------ */
 
 #define IMPACT_LOG_HEADER                                                                          \
+    "# L: angular momentum about the centre of mass\n"                                             \
     "#   step        time[s]          dt[s]        mass[kg]     kinetic[J]    internal[J]  "       \
     "energy drift      px[kg m/s]      py[kg m/s]      pz[kg m/s]      Lx[kg m2/s]     "           \
     "Ly[kg m2/s]     Lz[kg m2/s]   u below 0[J]  neighbours  limit\n"
@@ -115,8 +165,8 @@ static FILE *impact_reopen(const char *path, double until, const char *header) {
     return log;
 }
 
-/* [Pa] the pressure at a point relative to the target's centre: sum over what reaches it, divided
-   by the sum of the weights; 0, and false, where nothing does */
+/* [Pa] the pressure at a point relative to the target's centre: mean over the target's particles
+   that reach it, by volume and kernel; 0, and false, where none does, as in an emptied crater */
 static bool impact_gauge(const sphpa_sim *sim, const impact_settings *s, double *pressure) {
     const sphpa_particles *p = &sim->p;
     double sum = 0.0, weight = 0.0, origin = impact_origin(s);
@@ -135,6 +185,34 @@ static bool impact_gauge(const sphpa_sim *sim, const impact_settings *s, double 
     }
     *pressure = weight > 0.0 ? sum / weight : 0.0;
     return weight > 0.0;
+}
+
+/* ---- the report ------------------------------------------------------------------------------ */
+
+/* What is printed at the end of a run, and kept as report.txt. */
+typedef struct impact_report {
+    size_t length;
+    char text[32768];
+} impact_report;
+
+static void say(impact_report *report, const char *format, ...) EXAMPLE_PRINTF(2, 3);
+
+static void say(impact_report *report, const char *format, ...) {
+    size_t room = sizeof report->text - report->length;
+    va_list args;
+    va_start(args, format);
+    int n = vsnprintf(report->text + report->length, room, format, args);
+    va_end(args);
+    if (n > 0) report->length += (size_t)n < room ? (size_t)n : room - 1;
+}
+
+/* prints what was said since `from`, and writes all of it */
+static void impact_tell(const impact_report *report, size_t from, const char *out) {
+    fputs(report->text + from, stdout);
+    fflush(stdout);
+    example_file file = example_open(out, "report.txt");
+    fputs(report->text, file.stream);
+    example_close(&file);
 }
 
 /* ---- fragments ------------------------------------------------------------------------------- */
@@ -276,11 +354,12 @@ static sphpa_result impact_write_state(const char *out, const impact_history *hi
 
 /* ---- results --------------------------------------------------------------------------------- */
 
+/* from 10^5 Pa to twice where the last pores close */
 static void impact_write_curve(const char *out, const sphpa_crush *crush) {
     example_file file = example_open(out, "curve.dat");
     fprintf(file.stream, "# P[Pa] alpha of the crush curve\n");
     for (int k = 0; k <= 400; k++) {
-        double P = 1e5 * pow(1e5, k / 400.0);
+        double P = 1e5 * pow(2.0 * crush->Ps / 1e5, k / 400.0);
         fprintf(file.stream, "%.6e %.9f\n", P, sphpa_crush_alpha(crush, P, NULL));
     }
     example_close(&file);
@@ -334,29 +413,29 @@ static size_t impact_write_results(const char *out, const impact_history *histor
     "set palette defined (0 '#67000d', 0.35 '#e6550d', 0.7 '#fdae6b', 1 '#b8bec8')\n"              \
     "set cblabel 'distention " IMPACT_ALPHA "'\nset cbrange [1:4.64]\n"
 
+/* the early ones above the later ones, which have spread over more of the picture */
 static void impact_draw_palpha(const char *out, const impact_history *history) {
     char script[4096];
     int n = snprintf(script, sizeof script,
-                     "set title 'Target particles over the crush curve'\n"
+                     "set title 'Target particles on and below the crush curve'\n"
                      "set xlabel 'pressure P [Pa]; what lies below 10^5 Pa is drawn at the left "
                      "edge'\nset ylabel 'distention " IMPACT_ALPHA "'\n"
-                     "set logscale x\nset format x '10^{%%T}'\nset xrange [1e5:1e10]\n"
+                     "set logscale x\nset format x '10^{%%T}'\nset xrange [1e5:*] noextend\n"
                      "set yrange [0.9:4.9]\nset key top right Left reverse box opaque\n"
-                     "set grid\nplot ");
+                     "set grid\nplot 'curve.dat' with lines linewidth 6 linecolor '#d0d0d0' "
+                     "title 'crush curve'");
+    static const char *const colour[4] = {"#d7191c", "#fd8d3c", "#2ca25f", "#2c5fa8"};
     const int end = history->count - 1, shown[4] = {1, 2, end / 4, end}; /* most happens early */
-    for (int k = 0, last = 0; k < 4; k++) {
+    for (int k = 3; k >= 0; k--) {
         char name[32];
         int index = shown[k];
         snprintf(name, sizeof name, "palpha_%04d.dat", index);
-        if (index <= last || index > end || !impact_there(out, name)) continue;
-        last = index;
+        if (index > end || (k > 0 && index <= shown[k - 1]) || !impact_there(out, name)) continue;
         n += snprintf(script + n, sizeof script - (size_t)n,
-                      "'%s' using ($1>1.1e5?$1:1.1e5):2 with points pointtype 7 pointsize 0.5 "
-                      "title 't = %.3g " IMPACT_MICRO "s', ", name,
+                      ", '%s' using ($1>1.1e5?$1:1.1e5):2 with points pointtype 7 pointsize 0.5 "
+                      "linecolor '%s' title 't = %.3g " IMPACT_MICRO "s'", name, colour[k],
                       1e6 * history->record[index].time);
     }
-    snprintf(script + n, sizeof script - (size_t)n,
-             "'curve.dat' with lines linewidth 2 linecolor 'black' title 'crush curve'");
     example_picture(out, "palpha.png", 900, 620, script);
 }
 
@@ -371,18 +450,20 @@ static void impact_draw_cut(const char *out, const impact_history *history, size
     int index = history->count - 1;
     double r = 160.0 * radius, point = impact_point(particles);
     snprintf(script, sizeof script,
-             "set multiplot layout 1,2 title 'Cut through the target at t = %.3g " IMPACT_MICRO "s "
-             "(black: the projectile)'\n"
+             "set multiplot layout 1,2 title 'Slice through the centre, t = %.3g " IMPACT_MICRO
+             "s, %zu particles in all'\n"
              "set size ratio -1\nset xrange [%g:%g]\nset yrange [%g:%g]\nunset key\n"
              "set xlabel 'x [cm]'\nset ylabel 'z [cm]'\n"
              IMPACT_DAMAGE_COLOURS
+             "set title 'damage of the target (black: the projectile)'\n"
              "plot 'cut_%04d.dat' " IMPACT_DAMAGE_POINTS "\n"
              IMPACT_PORES_COLOURS
+             "set title 'distention of the target (1: no pores left)'\n"
              "plot 'cut_%04d.dat' using ($5==0?$1:1/0):2:3 with points pointtype 7 pointsize %g "
              "palette\nunset multiplot",
-             1e6 * history->record[index].time, -r, r, -r, r, index, point, 0.4 * point, index,
-             point);
-    example_picture(out, "cut.png", 1200, 560, script);
+             1e6 * history->record[index].time, particles, -r, r, -r, r, index, point,
+             0.4 * point, index, point);
+    example_picture(out, "cut.png", 1200, 580, script);
 }
 
 static void impact_draw_spectrum(const char *out, size_t fragments) {
@@ -392,19 +473,20 @@ static void impact_draw_spectrum(const char *out, size_t fragments) {
     }
     char script[2048];
     snprintf(script, sizeof script,
-             "set title 'Cumulative mass spectrum of the fragments'\n"
+             "set title 'Cumulative mass spectrum: %zu fragment%s'\n"
              "set xlabel 'mass m of the target''s mass'\nset ylabel 'number of fragments of mass m "
-             "or more'\nset logscale xy\nset xrange [1e-6:1.5]\nset yrange [0.7:%g]\n"
-             "set format x '10^{%%T}'\nset grid\nset key below height 1\n"
+             "or more'\nstats 'spectrum.dat' using 1 nooutput\nset logscale xy\n"
+             "set xrange [STATS_min < 0.06 ? 0.5*STATS_min : 0.03:1.5]\nset yrange [0.7:%g]\n"
+             "set grid\nset key below height 1\n"
              "set arrow from 0.0996, graph 0 to 0.0996, graph 1 nohead linewidth 2 linecolor "
              "'#2c7fb8'\n"
              "set arrow from 0.0835, graph 0 to 0.0835, graph 1 nohead dashtype 2 linewidth 2 "
              "linecolor '#d95f0e'\n"
-             "plot 'spectrum.dat' using 1:2 with steps linewidth 2 linecolor 'black' title 'this "
-             "run', '' using 1:2 with points pointtype 7 pointsize 0.5 linecolor 'black' notitle, "
+             "plot 'spectrum.dat' using 1:2 with steps linewidth 2 linecolor 'black' notitle, "
+             "'' using 1:2 with points pointtype 7 pointsize 0.8 linecolor 'black' title 'this run', "
              "1/0 linewidth 2 linecolor '#2c7fb8' title 'largest in the experiment, 0.0996', "
              "1/0 dashtype 2 linewidth 2 linecolor '#d95f0e' title 'largest of GASPHiA, 0.0835'",
-             fmax(10.0, 3.0 * (double)fragments));
+             fragments, fragments > 1 ? "s" : "", fmax(4.0, 2.0 * (double)fragments));
     example_picture(out, "spectrum.svg", 800, 560, script);
 }
 
@@ -423,12 +505,16 @@ static void impact_draw_largest(const char *out) {
 }
 
 static void impact_draw_gauge(const char *out, const impact_settings *s) {
-    char script[1024];
+    char script[2048];
     snprintf(script, sizeof script,
-             "set title 'Pressure at (%g, %g, %g) cm from the centre'\n"
-             "set xlabel 'time [" IMPACT_MICRO "s]'\nset ylabel 'pressure [MPa]'\nset grid\n"
+             "set title \"Pressure at (%g, %g, %g) cm from the target's centre\\n"
+             "{/*0.8 mean over the target's particles that reach there, by volume and kernel;}\\n"
+             "{/*0.8 a broken one bears no tension; 0 where the crater has emptied it}\"\n"
+             "set xlabel 'time [" IMPACT_MICRO "s]'\nset ylabel 'mean pressure [MPa]'\nset grid\n"
              "unset key\n"
-             "set yrange [*<-0.01:0.01<*]\n"
+             "stats 'gauge.dat' using ($2*1e-6) nooutput\n"
+             "set yrange [STATS_min < 0 ? 1.05*STATS_min : 0:1.05*STATS_max > 0.01 ? "
+             "1.05*STATS_max : 0.01]\n"
              "plot 'gauge.dat' using ($1*1e6):($2*1e-6) with lines linewidth 1.5",
              100.0 * s->gauge[0], 100.0 * s->gauge[1], 100.0 * s->gauge[2]);
     example_picture(out, "gauge.svg", 800, 460, script);
@@ -530,8 +616,8 @@ static const char impact_table_header[] =
 static void impact_table_save(const impact_table *table) {
     char folder[EXAMPLE_PATH];
     const char *name = impact_split(table->path, folder);
-    example_folder(folder);
-    example_file file = example_open(folder, name);
+    example_folder_of(folder, "--sensitivity");
+    example_file file = example_open_of(folder, name, "--sensitivity");
     fprintf(file.stream, "%s\n", impact_table_header);
     for (int k = 0; k < table->count; k++) fprintf(file.stream, "%s\n", table->line[k]);
     example_close(&file);
@@ -593,11 +679,10 @@ static void impact_table_add(impact_table *table, const char *name, const impact
         example_fail(1, "%s has more than %d lines; move it away", table->path,
                      (int)IMPACT_TABLE_LINES);
     impact_table_key(key, name, s);
-    int last = history->count - 1;
-    bool settled = last > 0 && fabs(history->record[last].largest -
-                                    history->record[last - 1].largest) < 0.01;
+    impact_trend trend = impact_trend_of(history);
     snprintf(table->line[table->count++], IMPACT_TABLE_WIDTH, "%.440s%g,%g,%.4f,%s", key, link,
-             below, largest, settled ? "yes" : "no");
+             below, largest,
+             trend.short_run || trend.few ? "unknown" : trend.settled ? "yes" : "no");
 }
 
 static void impact_table_print(const impact_table *table) {

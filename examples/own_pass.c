@@ -104,14 +104,19 @@ static void show(const sphpa_sim *sim, double D, const char *out) {
                 exact(x, D, sim->time), exact(x, D, 0.0));
     }
     example_close(&file);
-    (void)example_picture(
-        out, "heat.png", 800, 480,
+    char script[2048];
+    snprintf(
+        script, sizeof script,
+        "set title 'heat spreads, %zu particles, D = %g m^2/s, t = %g s: a pass and a column of "
+        "one''s own'\n"
         "set xlabel 'x [m]'\nset ylabel 'specific internal energy u [J/kg]'\nset xrange [0:1]\n"
-        "set grid lc rgb '#dddddd'\nset key top center\nset yrange [0.4:1.6]\n"
+        "set grid lc rgb '#dddddd'\nset key top center Left reverse\nset yrange [0.4:1.6]\n"
         "plot 'heat.dat' using 1:5 with lines lc rgb '#bbbbbb' lw 2 title 'start', \\\n"
         "     '' using 1:4 with lines lc rgb '#888888' lw 2 title 'exact at the end', \\\n"
         "     '' using 1:3 with points pt 6 ps 0.6 lc rgb '#c0392b' title 'hottest ever', \\\n"
-        "     '' using 1:2 with points pt 7 ps 0.4 lc rgb '#1f5fa8' title 'SPH at the end'");
+        "     '' using 1:2 with points pt 7 ps 0.4 lc rgb '#1f5fa8' title 'SPH at the end'",
+        sim->p.n, D, sim->time);
+    (void)example_picture(out, "heat.png", 800, 480, script);
 }
 
 int main(int argc, char **argv) {

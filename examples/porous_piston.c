@@ -188,14 +188,16 @@ static void print_results(const sphpa_sim *sim, const piston *p, const double l1
 }
 
 static const char *picture =
-    "set multiplot layout 2,2 "
-    "title case.': SPH (points) and exact (lines)'\n"
+    "set multiplot layout 2,2 title case.': SPH (points) and exact (lines)'\n"
     "set xlabel 'x [mm]'\nunset key\nset grid lc rgb '#dddddd'\n"
     "set offsets 0, 0, graph 0.05, graph 0.05\nset xtics 20\n"
     "scale(k) = k == 1 ? 1e-9 : 1.0\n"
     "do for [k=1:4] {\n"
     "c = k < 4 ? k : 5\n"
-    "set ylabel word('P[GPa] v[m/s] rho[kg/m^3] alpha', k)\n"
+    "stats 'porous_piston.dat' using (scale(k)*column(c+1)) nooutput\n"
+    "if (STATS_max > STATS_min) { set yrange [*:*] }\n"
+    "else { set yrange [STATS_min - 0.5:STATS_max + 0.5] }\n"
+    "set ylabel word('\"P [GPa]\" \"v [m/s]\" \"rho [kg/m^3]\" \"distention alpha\"', k)\n"
     "plot 'porous_piston.dat' using (1e3*$1):(scale(k)*column(c+6)) with lines lw 2 "
     "lc rgb '#c44e00', \\\n"
     "     '' using (1e3*$1):(scale(k)*column(c+1)) with points pt 7 ps 0.3 lc rgb '#1f5fa8'\n}\n"
@@ -218,7 +220,7 @@ int main(int argc, char **argv) {
                        "cubic|quartic|quintic|wendland-c2|wendland-c4|wendland-c6|gaussian",
                        &kernel, "of the smoothing"),
         example_choice("integrator", "pc|rk2", &integrator, "predictor-corrector or Runge-Kutta"),
-        example_vector("viscosity", "a,b", viscosity, 2,
+        example_vector("viscosity", "a,b", viscosity, 2, 0.0, 1000.0,
                        "linear and quadratic (the impact has 1,3)"),
         example_switch("correction", &correction, "kernel-gradient correction"),
         example_number("cfl", "C", &cfl, 1e-3, 1.0, "time step over the Courant limit"),
@@ -229,9 +231,6 @@ int main(int argc, char **argv) {
     };
     example_parse(argc, argv, "a shock in a porous solid against its Hugoniot", SPHPA_VERSION,
                   options, (int)(sizeof options / sizeof options[0]));
-    example_folder(out);
-    (void)example_threads(threads);
-
     sphpa_error err;
     const sphpa_tillotson *matrix = sphpa_tillotson_find(porous ? "pumice" : "aluminium");
     sphpa_crush crush = porous ? sphpa_crush_pumice() : sphpa_crush_porous_aluminium();
@@ -252,6 +251,8 @@ int main(int argc, char **argv) {
     if (run.t_end > longest)
         example_fail(2, "--t-end %g: the first wave is at the far end at %.4e s; stop before or "
                         "raise --length", t_end, longest);
+    example_folder(out);
+    (void)example_threads(threads);
 
     sphpa_solid_material solid_material = {0};
     solid_material.eos = sphpa_tillotson_eos(matrix);
@@ -291,8 +292,9 @@ int main(int argc, char **argv) {
     compare(&sim, &pist, matrix->rho0 / crush.alpha0, crush.alpha0, out, l1);
     print_results(&sim, &pist, l1, crush.alpha0, drift, &pores.stats);
     char script[2048];
-    snprintf(script, sizeof script, "case = 'a piston at %g m/s in porous %s, %zu particles, t = %.3g s'"
-             "\n%s", v, porous ? "pumice" : "aluminium", sim.p.n, sim.time, picture);
+    snprintf(script, sizeof script,
+             "case = 'a piston at %g m/s in porous %s, %zu particles, t = %.3g s'\n%s", v,
+             porous ? "pumice" : "aluminium", sim.p.n / 2, sim.time, picture);
     (void)example_picture(out, "porous_piston.png", 1200, 850, script);
     sphpa_sim_free(&sim);
     sphpa_particles_free(&p);

@@ -17,6 +17,9 @@
 
 /* ---- settings -------------------------------------------------------------------------------- */
 
+#define IMPACT_CURVES "two-exponent|quadratic" /* words of the options */
+#define IMPACT_SOLVERS "crush-space|bisection|newton|safe-newton"
+
 enum { IMPACT_TARGET = 0, IMPACT_PROJECTILE, IMPACT_BODIES }; /* bodies, and their materials */
 
 /* What the command line sets. Numbers only: a checkpoint keeps it, and a resumed run compares
@@ -44,6 +47,8 @@ typedef struct impact_options {
     int dry_run, quiet, compare, snapshots;
     const char *out, *resume, *sensitivity, *movie, *target_file;
     const char *go_on; /* what --resume takes after an interrupt; NULL: the run's own checkpoint */
+    int again;         /* not 0: nothing, the same command goes on */
+    int scratch;       /* not 0: of several runs; a checkpoint of others is begun anew */
 } impact_options;
 
 static impact_settings impact_default_settings(void) {
@@ -256,14 +261,19 @@ static sphpa_result impact_checkpoint(impact_run *run, sphpa_error *err) {
 }
 
 #ifdef SPHPA_WITH_HDF5
-/* whether two runs differ in a setting, and in which; t_end and cfl may change */
-static bool impact_differs(const impact_settings *a, const impact_settings *b, char option[32]) {
-    impact_setting one[IMPACT_LISTED], other[IMPACT_LISTED];
-    impact_list(a, one);
-    impact_list(b, other);
-    for (int k = 0; k < IMPACT_LISTED; k++) {
-        if (fabs(one[k].value - other[k].value) <= 1e-12 * fabs(other[k].value)) continue;
-        snprintf(option, 32, "%.*s", (int)strcspn(one[k].name, " "), one[k].name);
+/* whether a checkpoint's run and this one differ in one of `shared` settings, and how: "--speed is
+   2580 in it and 2000 here" */
+static bool impact_differs(const impact_settings *kept, const impact_settings *s, int shared,
+                           char how[128]) {
+    impact_setting before[IMPACT_LISTED], now[IMPACT_LISTED];
+    char then[32], here[32];
+    impact_list(kept, before);
+    impact_list(s, now);
+    for (int k = 0; k < shared; k++) {
+        if (fabs(before[k].value - now[k].value) <= 1e-12 * fabs(now[k].value)) continue;
+        impact_value(&before[k], then);
+        impact_value(&now[k], here);
+        snprintf(how, 128, "--%s is %s in it and %s here", now[k].name, then, here);
         return true;
     }
     return false;
@@ -283,7 +293,7 @@ static void impact_resume_path(const impact_run *run, char path[EXAMPLE_PATH + 3
     if (there != NULL) {
         fclose(there);
     } else if (errno == ENOENT) {
-        if (!run->quiet) fprintf(stderr, "no %s: begins anew\n", path);
+        if (!run->quiet && !run->o->scratch) fprintf(stderr, "no %s: begins anew\n", path);
         path[0] = '\0';
     }
 }
@@ -294,12 +304,13 @@ static sphpa_result impact_resume(impact_run *run, const char *path, sphpa_error
     impact_history history;
     sphpa_result result = sphpa_checkpoint_blob(path, "settings", &kept, sizeof kept, err);
     if (result != SPHPA_OK) return result;
-    if (!run->every_given) run->s.every = kept.every; /* also with another --t-end */
-    char option[32];
-    if (impact_differs(&kept, &run->s, option))
+    if (!run->every_given && !run->o->scratch)
+        run->s.every = kept.every; /* also with another --t-end */
+    char how[128];
+    if (impact_differs(&kept, &run->s, run->o->scratch ? IMPACT_LISTED : IMPACT_SHARED, how))
         return sphpa_error_set(err, SPHPA_ERROR_FORMAT,
-                               "%s is of a run with another --%s; give the same options, or begin "
-                               "anew without --resume", path, option);
+                               "%s is of another run: %s; give the same options, or begin anew "
+                               "without --resume", path, how);
     size_t particles = run->sim.p.n;
     result = sphpa_checkpoint_read(&run->sim, path, err);
     if (result == SPHPA_OK && run->sim.p.n != particles)
@@ -331,10 +342,9 @@ static sphpa_result impact_resume(impact_run *run, const char *path, sphpa_error
 #endif
 }
 
-static sphpa_result impact_create(impact_run *run, sphpa_error *err) {
+static sphpa_result impact_begin(impact_run *run, sphpa_error *err) {
     sphpa_particles bodies;
     sphpa_sim_options options;
-    char path[EXAMPLE_PATH + 32];
     memset(&bodies, 0, sizeof bodies);
     memset(&options, 0, sizeof options);
     options.cfl = run->s.cfl;
@@ -350,8 +360,21 @@ static sphpa_result impact_create(impact_run *run, sphpa_error *err) {
     for (size_t i = 0; i < run->sim.p.n; i++)
         *(run->sim.p.body[i] == IMPACT_TARGET ? &run->target_mass : &run->projectile_mass) +=
             (double)run->sim.p.m[i];
+    return SPHPA_OK;
+}
+
+static sphpa_result impact_create(impact_run *run, sphpa_error *err) {
+    char path[EXAMPLE_PATH + 32];
+    sphpa_result result = impact_begin(run, err);
+    if (result != SPHPA_OK) return result;
     impact_resume_path(run, path);
-    return path[0] != '\0' ? impact_resume(run, path, err) : SPHPA_OK;
+    if (path[0] == '\0') return SPHPA_OK;
+    result = impact_resume(run, path, err);
+    if (result == SPHPA_OK || !run->o->scratch) return result;
+    fprintf(stderr, "%s is not of this run: begins anew\n", path);
+    sphpa_sim_free(&run->sim);
+    run->target_mass = run->projectile_mass = 0.0;
+    return impact_begin(run, err);
 }
 
 /* A checkpoint settles the simulation: neighbours come in another order, sums round differently.
@@ -396,7 +419,8 @@ static void impact_open_logs(impact_run *run) {
                              IMPACT_LOG_HEADER);
     snprintf(path, sizeof path, "%s/gauge.dat", run->out);
     run->gauge = impact_reopen(path, run->resumed ? run->sim.time : -1.0,
-                               "# time[s] pressure[Pa] at the gauge\n");
+                               "# time[s] pressure[Pa] at the gauge: mean over the target's particles "
+                               "that reach it, 0 where none does\n");
     double pressure = 0.0;
     if (!run->resumed && !impact_gauge(&run->sim, &run->s, &pressure))
         fprintf(stderr, "no particle is at the gauge (%g, %g, %g) m from the target's centre: it "
@@ -473,11 +497,20 @@ static int impact_explain(const impact_run *run, sphpa_result result, const sphp
     fprintf(stderr, "pumice_impact: %s\n", err->message);
     if (!impact_has_hdf5())
         fprintf(stderr, "built without HDF5, so there is no checkpoint to go on from\n");
+    else if (result == SPHPA_STOPPED && run->o->again)
+        fprintf(stderr, "to go on, give the same command\n");
     else if (result == SPHPA_STOPPED && run->checkpoint[0] != '\0')
         fprintf(stderr, "to go on, give the same options and --resume %s\n", go_on);
     else if (run->checkpoint[0] != '\0')
         fprintf(stderr, "the last good checkpoint is %s\n", run->checkpoint);
     return result == SPHPA_STOPPED ? 130 : 1;
+}
+
+/* what a finished job no longer needs; its next run begins anew */
+static void impact_drop_checkpoint(const char *out) {
+    char path[EXAMPLE_PATH + 32];
+    snprintf(path, sizeof path, "%s/checkpoint.hdf", out);
+    (void)remove(path);
 }
 
 /* a run from beginning to end, on failure the program ends with its message */
@@ -497,7 +530,7 @@ static impact_run *impact_must_run(const impact_settings *s, const impact_option
 
 /* ---- what is printed at the end -------------------------------------------------------------- */
 
-static void impact_print_assumptions(const impact_run *run) {
+static void impact_print_assumptions(impact_report *to, const impact_run *run) {
     const impact_settings *s = &run->s;
     const sphpa_material *pumice = &run->scene.material[IMPACT_TARGET];
     const sphpa_crush *crush = &run->scene.crush[IMPACT_TARGET];
@@ -505,79 +538,92 @@ static void impact_print_assumptions(const impact_run *run) {
     for (size_t i = 0; i < run->sim.p.n; i++) projectile += run->sim.p.body[i] == 1;
     double ratio = run->target_mass / (double)(run->sim.p.n - projectile) /
                    (run->projectile_mass / (double)projectile);
-    printf("\nknown of the experiment: impact speed 2580 m/s (here %g), largest fragment 0.0996\n",
-           s->speed);
-    printf("assumed, for no source gives it:\n");
-    printf("  projectile         nylon sphere of %g mm, %.4f g (the sister experiment's size)\n",
-           1e3 * s->projectile_diameter, 1e3 * run->projectile_mass);
+    say(to, "\nknown of the experiment: impact speed 2580 m/s (here %g), largest fragment 0.0996\n",
+            s->speed);
+    say(to, "assumed, for no source gives it:\n");
+    say(to, "  projectile         nylon sphere of %g mm, %.4f g (the sister experiment's size)\n",
+            1e3 * s->projectile_diameter, 1e3 * run->projectile_mass);
     if (run->o->target_file != NULL)
-        printf("  target             %s, in a sphere of %g cm, %.4f kg\n", run->o->target_file,
-               100.0 * s->target_diameter, run->target_mass);
+        say(to, "  target             %s, in a sphere of %g cm, %.4f kg\n", run->o->target_file,
+                100.0 * s->target_diameter, run->target_mass);
     else
-        printf("  target             sphere of %g cm, %.4f kg, %.1f kg/m3; hexagonal lattice, "
-               "turned by seed %ld\n", 100.0 * s->target_diameter, run->target_mass,
-               pumice->eos.rho0 / crush->alpha0, s->lattice_seed);
-    printf("  impact angle       %g degrees from the normal\n", s->angle);
-    printf("  crush curve        %s, alpha0 %g, Pe %g, Pt %g, Ps %g Pa: that it is this pumice's\n",
-           s->curve == 0 ? "two exponents" : "quadratic", crush->alpha0, crush->Pe, crush->Pt,
-           crush->Ps);
-    printf("  matrix             K = A = %g Pa, G = %g Pa, Y = %g Pa, melts at %g J/kg\n",
-           pumice->eos.A, pumice->G, pumice->Y, pumice->u_melt);
-    printf("  flaws              Weibull k = %g m^-3, m = %g, of the solid volume; seed %ld\n",
-           s->weibull_k, s->weibull_m, s->seed);
-    printf("  nylon in tension   at most %g Pa; it has no flaws here\n", s->tension);
-    printf("  nylon that spreads keeps neighbours until h is %g times its first\n", s->spread);
-    printf("  viscosity          a = %g, b = %g, with the speed of the elastic wave; where pores "
-           "begin\n                     to close nearer to that of the crushing wave\n", s->viscosity[0],
-           s->viscosity[1]);
-    printf("  between the bodies no tension, no shear; half a spacing at the start\n");
-    printf("  fragments          linking length %g supports, particles with D < %g\n",
-           s->link, s->damage_below);
-    printf("  end time           %g s\n", s->t_end);
-    printf("  particles          %zu + %zu; a target particle has %.1f times the mass of a "
-           "projectile one\n", run->sim.p.n - projectile, projectile, ratio);
+        say(to, "  target             sphere of %g cm, %.4f kg, %.1f kg/m3; hexagonal lattice, "
+                "turned by seed %ld\n", 100.0 * s->target_diameter, run->target_mass,
+                pumice->eos.rho0 / crush->alpha0, s->lattice_seed);
+    say(to, "  impact angle       %g degrees from the normal\n", s->angle);
+    say(to, "  crush curve        %s, alpha0 %g, Pe %g, Pt %g, Ps %g Pa: that it is this "
+            "pumice's\n",
+            s->curve == 0 ? "two exponents" : "quadratic", crush->alpha0, crush->Pe, crush->Pt,
+            crush->Ps);
+    say(to, "  matrix             K = A = %g Pa, G = %g Pa, Y = %g Pa, melts at %g J/kg\n",
+            pumice->eos.A, pumice->G, pumice->Y, pumice->u_melt);
+    say(to, "  flaws              Weibull k = %g m^-3, m = %g, of the solid volume; seed %ld\n",
+            s->weibull_k, s->weibull_m, s->seed);
+    say(to, "  nylon in tension   at most %g Pa; it has no flaws here\n", s->tension);
+    say(to, "  nylon that spreads keeps neighbours until h is %g times its first\n", s->spread);
+    say(to, "  viscosity          a = %g, b = %g, with the speed of the elastic wave; where pores "
+            "begin\n                     to close nearer to that of the crushing wave\n",
+            s->viscosity[0], s->viscosity[1]);
+    say(to, "  between the bodies no tension, no shear; half a spacing at the start\n");
+    say(to, "  fragments          linking length %g supports, particles with D < %g\n",
+            s->link, s->damage_below);
+    say(to, "  end time           %g s\n", s->t_end);
+    say(to, "  particles          %zu + %zu; a target particle has %.1f times the mass of a "
+            "projectile one\n", run->sim.p.n - projectile, projectile, ratio);
     if (ratio > 10.0)
-        printf("  note: at this ratio nylon passes between the target's particles and the crater is "
-               "not resolved;\n  more --particles cure that\n");
+        say(to, "  note: at this ratio nylon passes between the target's particles and the crater "
+                "is not resolved;\n  more --particles cure that\n");
     if (s->curve == 1)
-        printf("  note: the quadratic curve with the pumice's Pe and Ps is no fit of pumice: at a "
-               "piston of 100 m/s\n  its shock pressure is 2.6 times that of the two-exponent "
-               "fit\n");
+        say(to, "  note: the quadratic curve with the pumice's Pe and Ps is no fit of pumice: at a "
+                "piston of 100 m/s\n  its shock pressure is 2.6 times that of the two-exponent "
+                "fit\n");
 }
 
-static void impact_print_fragments(const impact_run *run) {
+static void impact_print_trend(impact_report *to, const impact_history *history) {
+    impact_trend trend = impact_trend_of(history);
+    double end = history->record[history->count - 1].time;
+    if (trend.short_run)
+        say(to, "  too short to tell whether this is the end of it: %g us, less than %g; give a "
+                "larger --t-end\n", 1e6 * end, 1e6 * IMPACT_SHORTEST);
+    else if (trend.few)
+        say(to, "  too few outputs to tell whether this is the end of it: %d in the last %g us; "
+                "give a smaller --every\n", trend.outputs, 1e6 * fmax(IMPACT_WINDOW, 0.2 * end));
+    else
+        say(to, "  %s: over the %d outputs of the last %g us it changed by %.4f, %s\n",
+                trend.settled ? "settled" : "NOT SETTLED", trend.outputs, 1e6 * trend.span,
+                trend.change,
+                trend.settled ? "less than 0.01" : "not less than 0.01; give a larger --t-end");
+    if (history->count > 1) say(to, "  the last two outputs differ by %.4f\n", trend.last_two);
+}
+
+static void impact_print_fragments(impact_report *to, const impact_run *run) {
     static const double links[3] = {0.5, 1.0, 1.5}, below[4] = {0.5, 0.7, 0.9, 0.99};
     const impact_history *history = &run->history;
     const impact_record *last = &history->record[history->count - 1];
-    printf("\nlargest fragment: %.4f of the target's mass (experiment 0.0996, GASPHiA 0.0835)\n",
-           last->largest);
-    printf("\nlargest fragment over linking length (rows, in supports) and damage threshold\n");
-    printf("         ");
-    for (int k = 0; k < 4; k++) printf("  D < %-4g", below[k]);
-    printf("\n");
+    say(to, "\nlargest fragment: %.4f of the target's mass (experiment 0.0996, GASPHiA 0.0835)\n",
+            last->largest);
+    say(to, "\nlargest fragment over linking length (rows, in supports) and damage threshold\n");
+    say(to, "         ");
+    for (int k = 0; k < 4; k++) say(to, "  D < %-4g", below[k]);
+    say(to, "\n");
     for (int r = 0; r < 3; r++) {
-        printf("  %5.2f  ", links[r]);
+        say(to, "  %5.2f  ", links[r]);
         for (int k = 0; k < 4; k++)
-            printf("  %8.4f", impact_largest(&run->sim, links[r], below[k], run->target_mass));
-        printf("\n");
+            say(to, "  %8.4f", impact_largest(&run->sim, links[r], below[k], run->target_mass));
+        say(to, "\n");
     }
-    printf("\nlargest fragment over the last outputs\n  t [s]        largest   second    dust\n");
+    say(to, "\nlargest fragment over the last outputs\n  t [s]        largest   second    dust\n");
     int first = history->count > 5 ? history->count - 5 : 0;
     for (int k = first; k < history->count; k++)
-        printf("  %.4e  %8.4f  %8.4f  %8.4f\n", history->record[k].time,
-               history->record[k].largest, history->record[k].second, history->record[k].dust);
-    if (history->count > 1) {
-        double change = fabs(last->largest - history->record[history->count - 2].largest);
-        printf(change < 0.01 ? "  settled: the last two differ by %.4f\n"
-                             : "  NOT SETTLED: the last two differ by %.4f, more than 0.01; give a "
-                               "larger --t-end\n", change);
-        printf("  over these outputs it went from %.4f to %.4f\n",
-               history->record[first].largest, last->largest);
-    }
+        say(to, "  %.4e  %8.4f  %8.4f  %8.4f\n", history->record[k].time,
+                history->record[k].largest, history->record[k].second, history->record[k].dust);
+    say(to, "  over these outputs it went from %.4f to %.4f\n", history->record[first].largest,
+            last->largest);
+    impact_print_trend(to, history);
 }
 
 /* where the energy is: nylon that has run out of neighbours keeps its pressure, and does no work */
-static void impact_print_energy(const impact_run *run, const sphpa_totals *now) {
+static void impact_print_energy(impact_report *to, const impact_run *run, const sphpa_totals *now) {
     const sphpa_particles *p = &run->sim.p;
     const sphpa_stats *stats = &run->sim.stats;
     double nylon = 0.0, lost = 0.0;
@@ -590,15 +636,15 @@ static void impact_print_energy(const impact_run *run, const sphpa_totals *now) 
         lost += own;
         count++;
     }
-    printf("  of the energy %.1f %% is kinetic, %.1f %% heat of nylon (%.1f %% in %zu particles that "
-           "have spread to the bound)\n", 100.0 * now->kinetic / now->energy,
-           100.0 * nylon / now->energy, 100.0 * lost / now->energy, count);
+    say(to, "  of the energy %.1f %% is kinetic, %.1f %% heat of nylon (%.1f %% in %zu particles "
+            "that have spread to the bound)\n", 100.0 * now->kinetic / now->energy,
+            100.0 * nylon / now->energy, 100.0 * lost / now->energy, count);
     if (stats->u_below > 0)
-        printf("  the least u is %.3g J/kg, of particle %lld\n", stats->u_least,
-               (long long)stats->u_id);
+        say(to, "  the least u is %.3g J/kg, of particle %lld\n", stats->u_least,
+                (long long)stats->u_id);
 }
 
-static void impact_print_conservation(const impact_run *run) {
+static void impact_print_conservation(impact_report *to, const impact_run *run) {
     sphpa_totals now = sphpa_sim_totals(&run->sim);
     const sphpa_totals *then = &run->start;
     const sphpa_pores_stats *pores = &run->scene.pores.stats;
@@ -609,19 +655,19 @@ static void impact_print_conservation(const impact_run *run) {
         L0 += then->angular[a] * then->angular[a];
     }
     L0 = fmax(sqrt(L0), push * 0.5 * run->s.projectile_diameter);
-    printf("\ncrush curve: largest distance of a loading particle %.2e of alpha0 - 1 (%llu loaded "
-           "steps)\n", pores->distance_max, (unsigned long long)pores->loading);
-    printf("alpha grew: %llu particles\n", (unsigned long long)pores->grew);
-    printf("drift of mass %.2e, of linear momentum %.2e of the projectile's, of angular momentum "
-           "%.2e of %.2e kg m2/s,\n  of energy %.2e; internal energy below zero: %.2e of the "
-           "total, in %llu particles\n",
-           (now.mass - then->mass) / then->mass, sqrt(p) / push, sqrt(L) / L0, L0,
-           (now.energy - then->energy) / then->energy, run->sim.stats.u_deficit / then->energy,
-           (unsigned long long)run->sim.stats.u_below);
-    impact_print_energy(run, &now);
+    say(to, "\ncrush curve: largest distance of a loading particle %.2e of alpha0 - 1 (%llu loaded "
+            "steps)\n", pores->distance_max, (unsigned long long)pores->loading);
+    say(to, "alpha grew: %llu particles\n", (unsigned long long)pores->grew);
+    say(to, "drift of mass %.2e, of linear momentum %.2e of the projectile's,\n"
+            "  of angular momentum about the centre of mass %.2e of %.2e kg m2/s,\n"
+            "  of energy %.2e; internal energy below zero: %.2e of the total, in %llu particles\n",
+            (now.mass - then->mass) / then->mass, sqrt(p) / push, sqrt(L) / L0, L0,
+            (now.energy - then->energy) / then->energy, run->sim.stats.u_deficit / then->energy,
+            (unsigned long long)run->sim.stats.u_below);
+    impact_print_energy(to, run, &now);
 }
 
-static void impact_print_cost(const impact_run *run) {
+static void impact_print_cost(impact_report *to, const impact_run *run) {
     static char text[16384];
     const sphpa_stats *stats = &run->sim.stats;
     double eos = 0.0, forces = 0.0, steps = stats->steps > 0 ? (double)stats->steps : 1.0;
@@ -632,56 +678,88 @@ static void impact_print_cost(const impact_run *run) {
             forces += stats->timing[k].seconds;
     }
     sphpa_sim_report(&run->sim, text, sizeof text);
-    printf("\n%s\n", text);
-    printf("EOS %.3f ms a step, forces %.3f ms a step: %.1f %%; %.2f evaluations a P-alpha solve\n",
-           1e3 * eos / steps, 1e3 * forces / steps, 100.0 * eos / (forces + 1e-300),
-           (double)run->scene.pores.stats.evaluations /
-               ((double)run->scene.pores.stats.solves + 1e-300));
-    printf("%.3g particle updates a second on %d threads; peak memory %.1f MB\n",
-           (double)run->sim.p.n * (double)(stats->steps - run->steps_begun) / (run->wall + 1e-9),
-           example_threads(0),
-           1e-6 * example_peak_memory());
+    say(to, "\n%s\n", text);
+    say(to, "EOS %.3f ms a step, forces %.3f ms a step: %.1f %%; %.2f evaluations a P-alpha "
+            "solve\n",
+            1e3 * eos / steps, 1e3 * forces / steps, 100.0 * eos / (forces + 1e-300),
+            (double)run->scene.pores.stats.evaluations /
+                ((double)run->scene.pores.stats.solves + 1e-300));
+    say(to, "%.3g particle updates a second on %d threads; peak memory %.1f MB\n",
+            (double)run->sim.p.n * (double)(stats->steps - run->steps_begun) / (run->wall + 1e-9),
+            example_threads(0),
+            1e-6 * example_peak_memory());
 }
 
-static void impact_print(const impact_run *run) {
-    impact_print_assumptions(run);
-    impact_print_conservation(run);
-    impact_print_cost(run);
-    impact_print_fragments(run);
-    fflush(stdout);
+static void impact_print(const impact_run *run, impact_report *to) {
+    impact_print_assumptions(to, run);
+    impact_print_conservation(to, run);
+    impact_print_cost(to, run);
+    impact_print_fragments(to, run);
+    impact_tell(to, 0, run->out);
 }
 
 /* ---- what the program can be asked for ------------------------------------------------------- */
 
+enum { IMPACT_SAMPLE = 20000 }; /* particles that are enough to find out what more would take */
+
 /* What a run will take. */
 typedef struct impact_cost {
-    size_t particles;
-    double bytes, steps, each; /* [1] [1] [s] of a step */
-    int measured;              /* steps that were made to find out */
+    double particles, bytes, steps, each; /* [1] [1] [1] [s] of a step */
+    int measured;                         /* steps that were made to find out */
+    size_t sample;                        /* particles of them */
 } impact_cost;
 
-/* from a few steps of it; nothing is written */
+/* the settings of a sample; returns how many particles the run has, 0: as many as the sample */
+static double impact_sample(const impact_settings *s, const impact_options *o,
+                            impact_settings *sample) {
+    double all = (double)s->particles + (double)s->projectile_particles;
+    double times = all / IMPACT_SAMPLE;
+    *sample = *s;
+    if (o->target_file != NULL || times <= 1.0) return 0.0;
+    sample->particles = (long)fmax(10.0, floor((double)s->particles / times));
+    sample->projectile_particles = (long)fmax(10.0, floor((double)s->projectile_particles / times));
+    return all;
+}
+
+/* the least h of all of a run's particles, from that of a sample's */
+static double impact_least_h(const impact_run *sample, const impact_settings *s) {
+    double share[IMPACT_BODIES] = {1.0, 1.0}, h = HUGE_VAL;
+    share[IMPACT_TARGET] = (double)sample->s.particles / (double)s->particles;
+    share[IMPACT_PROJECTILE] =
+        (double)sample->s.projectile_particles / (double)s->projectile_particles;
+    for (size_t i = 0; i < sample->sim.p.n; i++)
+        h = fmin(h, (double)sample->sim.p.h[i] * cbrt(share[sample->sim.p.body[i]]));
+    return h;
+}
+
+/* from a few steps of it, or of a sample of it; nothing is written */
 static impact_cost impact_estimate(const impact_settings *s, const impact_options *o) {
     sphpa_error err;
     impact_cost cost;
+    impact_settings sample;
     memset(&cost, 0, sizeof cost);
-    impact_run *run = impact_new(s, o, o->out);
+    cost.particles = impact_sample(s, o, &sample);
+    impact_run *run = impact_new(&sample, o, o->out);
     if (impact_create(run, &err) != SPHPA_OK) example_fail(1, "%s", err.message);
-    double since = example_clock(), h = (double)run->sim.p.h[0];
+    cost.sample = run->sim.p.n;
+    if (cost.particles <= 0.0) cost.particles = (double)cost.sample;
+    double since = example_clock(), times = cost.particles / (double)cost.sample;
     while (cost.measured < 5 || (example_clock() - since < 2.0 && cost.measured < 50)) {
         if (sphpa_sim_step(&run->sim, s->t_end, &err) != SPHPA_OK)
             example_fail(1, "%s", err.message);
         cost.measured++;
     }
-    cost.each = (example_clock() - since) / cost.measured;
-    for (size_t i = 0; i < run->sim.p.n; i++) h = fmin(h, (double)run->sim.p.h[i]);
+    cost.each = times * (example_clock() - since) / cost.measured;
     /* shocked nylon: about 1.7 times its sound speed, and 0.3 of the impact's speed in mu */
     double c = 1.7 * sqrt(run->scene.material[1].eos.A / run->scene.material[1].eos.rho0);
-    cost.steps = ceil(s->t_end / (0.8 * s->cfl * h / (2.2 * c + 2.4 * 0.3 * s->speed)));
-    cost.particles = run->sim.p.n;
-    cost.bytes = (double)(sphpa_particles_bytes_each(&run->sim.p) * run->sim.p.n +
-                          sphpa_tree_bytes(&run->sim.tree) +
-                          sphpa_tree_lists_bytes(&run->sim.lists)) + 300.0 * (double)run->sim.p.n;
+    cost.steps =
+        ceil(s->t_end / (0.8 * s->cfl * impact_least_h(run, s) / (2.2 * c + 2.4 * 0.3 * s->speed)));
+    /* the fields twice, for the bodies come first; 650 bytes a particle of pair records, fragments
+       and files; 10 MB of program and libraries: the peak of 20,000 to 150,000 particles to 15 % */
+    cost.bytes = 1e7 + times * ((double)(2 * sphpa_particles_bytes_each(&run->sim.p) * cost.sample +
+                                         sphpa_tree_bytes(&run->sim.tree) +
+                                         sphpa_tree_lists_bytes(&run->sim.lists)) +
+                                650.0 * (double)cost.sample);
     impact_free(run);
     return cost;
 }
@@ -690,15 +768,19 @@ static int impact_dry_run(const impact_settings *s, const impact_options *o) {
     impact_options anew = *o;
     anew.resume = NULL;
     impact_cost cost = impact_estimate(s, &anew);
-    printf("particles %zu\nmemory    %.1f MB (peak so far %.1f MB)\nsteps     about %.0f\n"
-           "time      about %.0f s on %d threads (%.2f ms a step, measured over %d)\n",
-           cost.particles, 1e-6 * cost.bytes, 1e-6 * example_peak_memory(), cost.steps,
-           cost.steps * cost.each, example_threads(0), 1e3 * cost.each, cost.measured);
+    double seconds = cost.steps * cost.each;
+    printf("particles %.0f\nmemory    %.1f MB\nsteps     about %.0f\n", cost.particles,
+           1e-6 * cost.bytes, cost.steps);
+    printf("time      about %.0f s", seconds);
+    if (seconds > 7200.0) printf(" (%.1f %s)", seconds / (seconds > 172800.0 ? 86400.0 : 3600.0),
+                                 seconds > 172800.0 ? "days" : "hours");
+    printf(" on %d threads, %.2f ms a step; measured over %d steps of %zu particles\n",
+           example_threads(0), 1e3 * cost.each, cost.measured, cost.sample);
     return 0;
 }
 
 /* the run with both switches off, for the picture beside; smaller */
-static void impact_compare(const impact_run *run) {
+static void impact_compare(const impact_run *run, impact_report *to) {
     impact_settings s = run->s;
     impact_options o = *run->o;
     char out[EXAMPLE_PATH];
@@ -712,8 +794,10 @@ static void impact_compare(const impact_run *run) {
     if (!run->quiet) fprintf(stderr, "the same with correction and Balsara off, %ld particles\n",
                              s.particles);
     impact_run *off = impact_must_run(&s, &o, out);
-    printf("\nlargest fragment with correction and Balsara off, %ld particles: %.4f\n", s.particles,
-           off->history.record[off->history.count - 1].largest);
+    size_t before = to->length;
+    say(to, "\nlargest fragment with correction and Balsara off, %ld particles: %.4f\n",
+        s.particles, off->history.record[off->history.count - 1].largest);
+    impact_tell(to, before, run->out);
     impact_draw_beside(run->out, &run->history, run->sim.p.n, &off->history, off->sim.p.n,
                        0.5 * s.target_diameter);
     impact_free(off);
@@ -723,9 +807,12 @@ static int impact_single(const impact_settings *s, const impact_options *o) {
     impact_run *run = impact_must_run(s, o, o->out);
     size_t fragments = impact_write_results(run->out, &run->history, &run->sim, &run->s,
                                             run->target_mass, &run->scene.crush[IMPACT_TARGET]);
-    impact_print(run);
+    impact_report *report = (impact_report *)calloc(1, sizeof *report);
+    if (report == NULL) example_fail(1, "out of memory");
+    impact_print(run, report);
     impact_draw(run->out, &run->history, run->sim.p.n, &run->s, fragments);
-    if (o->compare && (s->correction || s->balsara)) impact_compare(run);
+    if (o->compare && (s->correction || s->balsara)) impact_compare(run, report);
+    free(report);
     impact_free(run);
     return 0;
 }
@@ -817,8 +904,9 @@ static double impact_sensitivity_left(const impact_table *table, const impact_se
     impact_options anew = *o;
     anew.resume = NULL;
     impact_cost cost = impact_estimate(s, &anew);
-    fprintf(stderr, "about %.0f s for the other %d; stop it at any time, and give the same command "
-            "to go on\n", work * cost.steps * cost.each, lacking);
+    fprintf(stderr, "about %.0f s for the other %d; stop it at any time: to go on, give the same "
+            "%s\n", work * cost.steps * cost.each, lacking,
+            o->again ? "command" : "options and --resume auto");
     return work;
 }
 
@@ -842,6 +930,7 @@ static int impact_sensitivity(const impact_settings *s, const impact_options *o)
                                  impact_largest(&run->sim, links[a], below[b], run->target_mass),
                                  &run->history);
         impact_table_save(table);
+        impact_drop_checkpoint(out);
         impact_free(run);
         done += impact_row_work(&impact_rows[k]);
         left -= impact_row_work(&impact_rows[k]);
@@ -855,9 +944,12 @@ static int impact_sensitivity(const impact_settings *s, const impact_options *o)
 static int impact_movie(const impact_settings *s, const impact_options *o) {
     impact_settings own = *s;
     char on[EXAMPLE_PATH], off[EXAMPLE_PATH];
+    if (!example_have_gnuplot())
+        example_fail(1, "--movie %s: no gnuplot here to draw it; install it (make deps) and give "
+                        "the same command", o->movie);
     own.every = own.t_end / 50.0;
     (void)impact_split(o->movie, on);
-    example_folder(on);
+    example_folder_of(on, "--movie");
     snprintf(on, sizeof on, "%.990s/movie_on", o->out);
     snprintf(off, sizeof off, "%.990s/movie_off", o->out);
     fprintf(stderr, "correction and Balsara on\n");
@@ -869,8 +961,12 @@ static int impact_movie(const impact_settings *s, const impact_options *o) {
     fprintf(stderr, "correction and Balsara off\n");
     run = impact_must_run(&own, o, off);
     impact_free(run);
-    return impact_draw_movie(o->movie, on, off, frames, own.every, 0.5 * own.target_diameter,
-                             particles) ? 0 : 1;
+    if (!impact_draw_movie(o->movie, on, off, frames, own.every, 0.5 * own.target_diameter,
+                           particles))
+        return 1;
+    impact_drop_checkpoint(on);
+    impact_drop_checkpoint(off);
+    return 0;
 }
 
 /* what the options mean only together */
@@ -906,8 +1002,8 @@ static void impact_parse(int argc, char **argv, impact_settings *s, impact_optio
         example_number("target-diameter", "m", &s->target_diameter, 1e-6, 1e7, "of the sphere"),
         example_number("projectile-diameter", "m", &s->projectile_diameter, 1e-6, 1e7,
                        "of the sphere"),
-        example_choice("curve", "two-exponent|quadratic", &s->curve, "crush curve of the pumice"),
-        example_choice("solver", "crush-space|bisection|newton|safe-newton", &s->solver,
+        example_choice("curve", IMPACT_CURVES, &s->curve, "crush curve of the pumice"),
+        example_choice("solver", IMPACT_SOLVERS, &s->solver,
                        "of the P-alpha equation; newton fails"),
         example_number("weibull-k", "m^-3", &s->weibull_k, 0.0, 1e300, "flaws: k eps^m a volume"),
         example_number("weibull-m", "1", &s->weibull_m, 1.0, 100.0, "their exponent"),
@@ -919,11 +1015,13 @@ static void impact_parse(int argc, char **argv, impact_settings *s, impact_optio
         example_number("tension", "Pa", &s->tension, 0.0, 1e12, "that nylon bears"),
         example_number("spread", "1", &s->spread, 1.0, 100.0,
                        "largest h of nylon over its first one"),
-        example_vector("viscosity", "a,b", s->viscosity, 2, "linear and quadratic, artificial"),
+        example_vector("viscosity", "a,b", s->viscosity, 2, 0.0, 1000.0,
+                       "linear and quadratic, artificial"),
         example_number("cfl", "1", &s->cfl, 1e-3, 1.0, "Courant number"),
         example_number("t-end", "s", &s->t_end, 1e-12, 1e6, "end of the run"),
         example_number("every", "s", &s->every, 0.0, 1e6, "between outputs; 0: 20 of them"),
-        example_vector("gauge", "x,y,z", s->gauge, 3, "[m] pressure against time there"),
+        example_vector("gauge", "x,y,z", s->gauge, 3, -1e8, 1e8,
+                       "[m] mean pressure of the target there"),
         example_number("link", "1", &s->link, 0.01, 10.0, "fragments: linking length, in supports"),
         example_number("damage-below", "1", &s->damage_below, 0.0, 1.0, "fragments: particles' D"),
         example_text("target", "FILE.hdf", &o->target_file, "a snapshot as the target"),
@@ -957,7 +1055,9 @@ int main(int argc, char **argv) {
         fprintf(stderr, "built without HDF5: plain text output, no checkpoints\n");
     bool one = o.sensitivity == NULL && o.movie == NULL && o.ensemble == 0;
     if (!one) o.go_on = "auto"; /* each run has a folder of its own */
-    if (o.sensitivity != NULL || o.movie != NULL) o.snapshots = 0;
+    o.again = o.resume != NULL && strcmp(o.resume, "auto") == 0;
+    o.scratch = o.sensitivity != NULL || o.movie != NULL;
+    if (o.scratch) o.snapshots = 0;
     int status = o.dry_run               ? impact_dry_run(&s, &o)
                  : o.sensitivity != NULL ? impact_sensitivity(&s, &o)
                  : o.movie != NULL       ? impact_movie(&s, &o)

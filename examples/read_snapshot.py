@@ -1,18 +1,21 @@
 """read_snapshot.py [FILE]: what a snapshot holds, body by body; without FILE the newest in build/impact.
 
-Needs h5py (Debian: python3-h5py; elsewhere: pip install h5py)."""
+Needs h5py. Debian's python3-h5py is for /usr/bin/python3; for another python3: pip install h5py."""
 import glob, os, sys
 
+if sys.argv[1:2] in (["-h"], ["--help"]):
+    sys.exit(print(__doc__))
 try:
     import h5py, numpy as np
 except ImportError as missing:
-    sys.exit(f"{missing}; install it: apt install python3-h5py, or pip install h5py")
-if sys.argv[1:2] in (["-h"], ["--help"]):
-    sys.exit(print(__doc__))
+    sys.exit(f"{sys.executable}: {missing}; install it: {sys.executable} -m pip install h5py, or apt install "
+             "python3-h5py and call /usr/bin/python3 examples/read_snapshot.py")
 newest = sorted(glob.glob("build/impact/impact_*.hdf"), key=os.path.getmtime)[-1:]
 path = (sys.argv[1:] + newest + [None])[0]
 if path is None or path.startswith("-"):
-    sys.exit(f"{__doc__}\nThere is no snapshot in build/impact: run make impact, or give FILE.")
+    sys.exit("no snapshot in build/impact: run make impact, or give a file: read_snapshot.py FILE")
+if not os.path.isfile(path):
+    sys.exit(f"{path}: no such file; give a snapshot, such as build/impact/impact_0020.hdf")
 
 def unit(data):  # from the exponents of length, mass and time; the units of the file are those of SI
     powers = [(name, data.attrs[f"U_{u} exponent"][0]) for u, name in zip("LMt", ("m", "kg", "s"))]

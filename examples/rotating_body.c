@@ -154,7 +154,7 @@ static void table(FILE *to, const choices *c, const body_run run[2]) {
             "S off", "energy off");
     for (int k = 0; k < rows; k++) {
         const body_run *longer = run[0].count == rows ? &run[0] : &run[1];
-        fprintf(to, "%10.4f", turns_at(c, longer->rows[k].time));
+        fprintf(to, "%10.6g", turns_at(c, longer->rows[k].time));
         for (int side = 0; side < 2; side++)
             if (k < run[side].count)
                 fprintf(to, " %12.8f %12.4e %12.2e", run[side].rows[k].momentum,
@@ -182,21 +182,26 @@ static void summary(const choices *c, const body_run *run) {
            run->correction ? "on:" : "off:", (last->momentum - 1.0) / turns, growth / (0.5 * turns));
 }
 
-static void draw(const choices *c) {
-    example_picture(c->out, "rotating_body.svg", 900, 640,
-                    "set multiplot layout 2,1\n"
-                    "set key outside right\nset xrange [0:*]\nset grid\n"
-                    "set ylabel 'angular momentum / start'\nset xlabel 'turns'\n"
-                    "set yrange [*<0.9:1.05<*]\n"
-                    "plot 'rotating_body.txt' using 1:2 with lines lw 2 lc rgb '#0060ad' title "
-                    "'correction on', '' using 1:5 with lines lw 2 dt 2 lc rgb '#c03020' title "
-                    "'correction off'\n"
-                    "set ylabel 'largest von Mises stress / G'\nset yrange [1e-5:*]\nset logscale y\n"
-                    "set format y '10^{%T}'\n"
-                    "plot 'rotating_body.txt' using 1:($3>0?$3:NaN) with lines lw 2 lc rgb '#0060ad' "
-                    "title 'correction on', '' using 1:($6>0?$6:NaN) with lines lw 2 dt 2 lc rgb "
-                    "'#c03020' title 'correction off'\n"
-                    "unset multiplot");
+static const char *picture =
+    "set multiplot layout 2,1 title case.': angular momentum and stress should not change'\n"
+    "set key outside right\nset xrange [0:*]\nset grid\nset xlabel 'turns'\n"
+    "set ylabel 'angular momentum / start'\n"
+    "stats 'rotating_body.txt' using (valid(5) ? $5 : $2) nooutput\n"
+    "set yrange [STATS_min < 0.9 ? STATS_min - 0.05 : 0.9:STATS_max > 1.05 ? STATS_max + 0.05 : 1.05]\n"
+    "plot 'rotating_body.txt' using 1:2 with lines lw 2 lc rgb '#0060ad' title 'correction on', \\\n"
+    "     '' using 1:5 with lines lw 2 dt 2 lc rgb '#c03020' title 'correction off'\n"
+    "set ylabel 'largest von Mises stress / G'\nset yrange [*:*]\nset logscale y\n"
+    "set format y '10^{%T}'\n"
+    "plot 'rotating_body.txt' using 1:($3>0?$3:NaN) with lines lw 2 lc rgb '#0060ad' "
+    "title 'correction on', \\\n"
+    "     '' using 1:($6>0?$6:NaN) with lines lw 2 dt 2 lc rgb '#c03020' title 'correction off'\n"
+    "unset multiplot";
+
+static void draw(const choices *c, size_t particles) {
+    char script[2048];
+    snprintf(script, sizeof script, "case = 'an elastic %s of %zu particles that turns freely'\n%s",
+             c->dim == 2 ? "disc" : "sphere", particles, picture);
+    (void)example_picture(c->out, "rotating_body.svg", 900, 640, script);
 }
 
 int main(int argc, char **argv) {
@@ -250,7 +255,7 @@ int main(int argc, char **argv) {
     example_file file = example_open(c.out, "rotating_body.txt");
     table(file.stream, &c, run);
     example_close(&file);
-    draw(&c);
+    draw(&c, p.n);
     for (int side = 0; side < 2; side++) free(run[side].rows);
     sphpa_particles_free(&p);
     return run[0].stopped || run[1].stopped ? 130 : 0;

@@ -163,12 +163,15 @@ int main(int argc, char **argv) {
     };
     example_parse(argc, argv, "a point explosion against Sedov's exact solution", SPHPA_VERSION,
                   options, (int)(sizeof options / sizeof options[0]));
-    example_folder(out);
-    (void)example_threads(threads);
-
     static sedov_solution exact;
     sedov_solve((int)dim, gamma, &exact);
+    double at_the_wall = sqrt(exact.alpha / ENERGY); /* when the shock is at 1 */
     if (t_end <= 0.0) t_end = sqrt(exact.alpha / ENERGY * pow(0.75, (double)dim + 2.0));
+    if (t_end > at_the_wall)
+        example_fail(2, "--t-end %g: the shock is at the side of the box at t = %.4g and meets its "
+                        "periodic image; stop before", t_end, at_the_wall);
+    example_folder(out);
+    (void)example_threads(threads);
     sphpa_ideal gas = {gamma};
     sphpa_eos eos = sphpa_ideal_eos(&gas);
     sphpa_gas_params params = {0};
@@ -218,7 +221,7 @@ int main(int argc, char **argv) {
            pow(exact.alpha, -1.0 / ((double)dim + 2.0)));
     printf("shock radius, exact, difference     %.5f  %.5f  %+.2f %% (%+.2f spacings)\n", radius, R,
            100.0 * (radius / R - 1.0), (radius - R) / spacing);
-    printf("peak density, exact                 %.3f  %.3f\n", peak, (gamma + 1.0) / (gamma - 1.0));
+    printf("densest shell's mean, exact peak    %.3f  %.3f\n", peak, (gamma + 1.0) / (gamma - 1.0));
     printf("drift of energy, of momentum        %.2e  %.2e\n", after.energy / before.energy - 1.0,
            sqrt(pow(after.momentum[0], 2.0) + pow(after.momentum[1], 2.0)));
     static char report[8192];

@@ -75,6 +75,9 @@ static const char *picture =
     "set xrange [0:1]\nset xlabel 'x'\nset xtics 0.25\nunset key\nset grid lc rgb '#dddddd'\n"
     "set offsets 0, 0, graph 0.05, graph 0.05\n"
     "do for [k=1:3] {\n"
+    "stats 'sod.dat' using (column(k+1)) nooutput\n"
+    "if (STATS_max > STATS_min) { set yrange [*:*] }\n"
+    "else { set yrange [STATS_min - 0.5:STATS_max + 0.5] }\n"
     "set ylabel word('density velocity pressure', k)\n"
     "plot 'sod.dat' using 1:(column(k+5)) smooth unique with lines lw 2 lc rgb '#888888', \\\n"
     "     'sod.dat' using 1:(column(k+1)) with points pt 7 ps 0.35 lc rgb '#1f5fa8'\n}\n"
@@ -96,7 +99,8 @@ int main(int argc, char **argv) {
         example_number("eta", "E", &eta, 0.8, 4.0, "smoothing length in units of the spacing"),
         example_choice("integrator", "pc|rk2", &integrator, "one or two evaluations a step"),
         example_number("cfl", "C", &cfl, 1e-6, 1.0, "share of the Courant limit"),
-        example_vector("viscosity", "a,b", viscosity, 2, "linear and quadratic coefficient"),
+        example_vector("viscosity", "a,b", viscosity, 2, 0.0, 1000.0,
+                       "linear and quadratic coefficient"),
         example_switch("balsara", &balsara, "switch viscosity off in shear (here there is none)"),
         example_number("conduction", "K", &conduction, 0.0, 10.0, "smooths the contact; 0: off"),
         example_count("threads", &threads, 0, 1024, "0: all; one is enough for so few particles"),

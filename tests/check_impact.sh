@@ -94,12 +94,17 @@ cd "$work/empty" || exit 1
 refused 2 'no such option' --particels 100
 refused 2 'no such option' particles
 refused 2 'not a whole number' --particles many
-refused 2 'not a whole number' --particles 1e3
+refused 2 'not a whole number' --particles 2.5e0
+refused 2 'not a whole number' --particles 1e-3
+refused 2 'not a whole number' --particles inf
+refused 2 'out of range; it goes from 10 to 100000000' --particles 1e9
 refused 2 'out of range; it goes from' --particles 3
 refused 2 'out of range; it goes from' --particles 99999999999999999999
 refused 2 'write --threads 0 or the like' --threads 1.5
 refused 2 'write --speed 2580 or the like' --speed=
 refused 2 'write --viscosity 1,3 or the like' --viscosity 1
+refused 2 'viscosity -1,-3: out of range; each number goes from 0 to 1000' --viscosity -1,-3
+refused 2 'out of range; each number goes from 0' --viscosity 1,-3
 refused 2 'out of range; it goes from' --damage-below 1.5
 refused 2 'give one' --ensemble 2 --movie film.gif
 refused 2 'not a finite number' --speed fast
@@ -124,6 +129,9 @@ refused 1 'give a name' --out ''
 echo text > file
 refused 1 'output folder file/out: cannot make file ' --out file/out
 refused 1 'output folder file: cannot make file ' --out file
+refused 1 'file/table.csv: .*; give another name' --sensitivity file/table.csv
+ln -s nowhere dangling
+refused 1 'cannot make dangling .*choose another with --sensitivity' --sensitivity dangling/table.csv
 [ "$(cat file)" = text ] || failed "a file in the way of --out is overwritten"
 if [ "$(id -u)" != 0 ]; then # root may write everywhere
     mkdir -m 555 locked
@@ -138,14 +146,35 @@ run --threads 2 --out "$work/whole"
 for line in '^largest fragment: [0-9.]+ of the target.s mass .experiment 0.0996, GASPHiA 0.0835' \
     'largest distance of a loading particle' '^alpha grew: 0 particles' '^drift of mass' \
     'over linking length' 'over the last outputs' 'EOS .* forces' 'peak memory' \
-    'projectile  .*mm' 'crush curve' 'flaws' 'settled|SETTLED'; do
+    'projectile  .*mm' 'crush curve' 'flaws' '^  too short to tell .*: 3 us, less than 50; give a larger --t-end' \
+    '^  the last two outputs differ by [0-9.]+$'; do
     shows "$work/stdout" "$line" "a plain run"
 done
 no_parts "$work/whole"
+cmp -s "$work/stdout" "$work/whole/report.txt" || failed "report.txt is not what was printed"
 run --threads 1 --out "$work/one_thread"
 [ "$status" = 0 ] || failed "one thread: exit status $status"
 same_run "$work/whole" "$work/one_thread" "one thread and two"
 say "a run of 230 particles prints what it must; the same bits on 1 and 2 threads"
+
+# ---- whether the largest fragment is settled: not by the last two outputs alone ----
+settles() { # settles OUTPUTS ARGUMENTS..: the verdict is what largest.dat says of the last 20 us
+    wanted=$1
+    shift
+    run --t-end 6e-5 --out "$work/settled" "$@"
+    [ "$status" = 0 ] || { failed "--t-end 6e-5 $*: exit status $status"; return; }
+    change=$(awk '$1 > 39.999 { if (!n++ || $2 < low) low = $2; if (n == 1 || $2 > high) high = $2 }
+        END { printf "%.4f", high - low }' "$work/settled/largest.dat")
+    verdict='settled: .*, less than 0.01$'
+    awk "BEGIN { exit !($change >= 0.01) }" && verdict='NOT SETTLED: .* not less than 0.01; give a larger'
+    shows "$work/stdout" "^  $verdict" "--t-end 6e-5 $*"
+    shows "$work/stdout" ": over the $wanted outputs of the last [0-9]+ us it changed by $change," "--t-end 6e-5 $*"
+}
+settles 7
+settles 3 --every 1e-5
+run --t-end 6e-5 --every 3e-5 --out "$work/settled"
+shows "$work/stdout" '^  too few outputs to tell .*: 1 in the last 20 us; give a smaller --every' "--every 3e-5"
+say "settled goes by the last 20 us, whatever --every is; a run of 3 us cannot tell"
 
 if [ -c /dev/full ]; then
     # shellcheck disable=SC2086
@@ -244,11 +273,22 @@ bad_checkpoints() {
     done
     refused 1 "$bad/missing.hdf" --out "$work/whole" --resume "$bad/missing.hdf"
     refused 1 "$bad" --out "$work/whole" --resume "$bad"
-    for option in '--speed 2000' '--particles 210' '--seed 2' '--curve quadratic' '--every 1e-6' \
-        '--gauge 0,0,0' '--balsara off' '--link 0.9' '--weibull-k 1e35' '--lattice-seed 3'; do
-        # shellcheck disable=SC2086
-        refused 1 "another ${option%% *}; give the same options" --out "$work/whole" --resume "$good" $option
-    done
+    while read -r option now before name; do
+        refused 1 "another run: --$name is $before in it and $now here; give the same options" \
+            --out "$work/whole" --resume "$good" "$option" "$now"
+    done << 'END'
+--speed 2000 2580 speed
+--particles 210 200 particles
+--seed 2 1 seed
+--curve quadratic two-exponent curve
+--every 1e-06 1.5e-07 every
+--balsara off on balsara
+--link 0.9 1 link
+--weibull-m 8.1 9 weibull-m
+--lattice-seed 3 1 lattice-seed
+END
+    refused 1 "--gauge z is 0.025 in it and 0 here" --out "$work/whole" --resume "$good" --gauge 0,0,0
+    refused 1 "--viscosity b is 3 in it and 2 here" --out "$work/whole" --resume "$good" --viscosity 1,2
     refused 1 'beyond --t-end' --out "$work/whole" --resume auto --t-end 2e-6
     { sums "$work/whole"; sums "$bad"; } > "$work/after"
     cmp -s "$work/before" "$work/after" || failed "a refused --resume changes files: $(diff "$work/before" "$work/after" | head -n 4)"
@@ -303,13 +343,16 @@ run --dry-run --out "$work/dry"
 for line in '^particles 2[0-9][0-9]$' '^memory +[0-9.]+ MB' '^steps +about [0-9]+' '^time +about'; do
     shows "$work/stdout" "$line" "--dry-run"
 done
+run --dry-run --out "$work/dry" --particles 1e8
+shows "$work/stdout" '^particles 1000000[0-9][0-9]$' "--dry-run of 1e8 particles"
+shows "$work/stdout" '^memory +[0-9]{6}\.[0-9] MB' "--dry-run of 1e8 particles"
 [ -d "$work/dry" ] && failed "--dry-run writes files"
 
 run --solver newton --out "$work/newton"
 if [ "$status" = 0 ]; then
     say "--solver newton runs to the end here"
 else
-    shows "$work/stderr" 'did not converge.*particle [0-9]+' "--solver newton"
+    shows "$work/stderr" 'did not converge.*particle [0-9]+.*; use the default solver' "--solver newton"
     say "--solver newton stops: $(head -n 1 "$work/stderr" | cut -c 1-90)..."
 fi
 for solver in bisection safe-newton; do
@@ -336,6 +379,7 @@ fi
 run --compare on --compare-particles 100 --t-end 1e-6 --out "$work/compared"
 [ "$status" = 0 ] || failed "--compare on: exit status $status"
 shows "$work/stdout" '^largest fragment with correction and Balsara off' "--compare on"
+cmp -s "$work/stdout" "$work/compared/report.txt" || failed "--compare on: report.txt is not what was printed"
 
 table="$work/table/sensitivity.csv"
 run --sensitivity "$table" --t-end 3e-7 --out "$work/table"
@@ -348,6 +392,37 @@ shows "$work/stderr" '^17 of 17 runs' "--sensitivity again"
 sed '20,$d' "$table" > "$work/cut.csv"
 run --sensitivity "$work/cut.csv" --t-end 3e-7 --speed 2000 --out "$work/table"
 shows "$work/stderr" '^0 of 17 runs' "--sensitivity with another speed"
+# stopped in the middle: the same command goes on, with the same numbers; another run begins anew
+several="--sensitivity $work/stop.csv --t-end 1e-6 --out $work/stop --resume auto"
+# shellcheck disable=SC2086
+run $several
+cp "$work/stop.csv" "$work/unstopped.csv"
+[ -z "$(find "$work/stop" -name checkpoint.hdf)" ] || failed "--sensitivity leaves checkpoints of runs that are in the table"
+rm -r "$work/stop.csv" "$work/stop"
+# shellcheck disable=SC2086
+"$program" $small $several > "$work/stdout" 2> "$work/stderr" &
+pid=$! waited=0
+while ! grep -q '^target diameter x 0.6' "$work/stop.csv" 2> /dev/null && [ $waited -lt 1000 ]; do
+    sleep 0.02
+    waited=$((waited + 1))
+done
+kill -INT $pid
+wait $pid
+if [ $? = 130 ] && [ -n "$hdf5" ]; then
+    shows "$work/stderr" 'stop it at any time: to go on, give the same command$' "--sensitivity"
+    shows "$work/stderr" '^to go on, give the same command$' "--sensitivity, interrupted"
+    cp -r "$work/stop" "$work/stop_other"
+    # shellcheck disable=SC2086
+    run $several
+    cmp -s "$work/stop.csv" "$work/unstopped.csv" || failed "--sensitivity, interrupted and resumed: another table"
+    run --sensitivity "$work/other.csv" --t-end 1e-6 --out "$work/stop_other" --resume auto --cfl 0.25
+    [ "$status" = 0 ] || failed "--sensitivity beside the checkpoint of another: exit status $status"
+    shows "$work/stderr" 'checkpoint.hdf is not of this run: begins anew' "--sensitivity beside the checkpoint of another"
+    run --sensitivity "$work/third.csv" --t-end 1e-6 --out "$work/third" --cfl 0.25
+    cmp -s "$work/other.csv" "$work/third.csv" || failed "--sensitivity beside the checkpoint of another: takes it for its own"
+else
+    skip "--sensitivity, interrupted" "no HDF5, or it was over before"
+fi
 echo 'mine,1,2' > "$work/mine.csv"
 refused 1 'not a table of this program' --sensitivity "$work/mine.csv"
 [ "$(cat "$work/mine.csv")" = mine,1,2 ] || failed "--sensitivity overwrites a foreign file"
@@ -364,6 +439,7 @@ if have gnuplot; then
     run --movie "film's/../film/impact.gif" --t-end 3e-7 --out "$work/film"
     [ "$status" = 2 ] || failed "a movie's name with a quote: exit status $status"
     run --movie film/impact.gif --t-end 3e-7 --out "$work/its own film"
+    refused 1 'cannot make mine.csv .*choose another with --movie' --movie mine.csv/film.gif
     cd "$here" || exit 1
     [ "$(head -c 4 "$work/film/impact.gif" 2> /dev/null)" = GIF8 ] || failed "no movie: $(tail -n 1 "$work/stderr")"
     no_parts "$work/film"
@@ -372,6 +448,10 @@ else
     skip "the impact's pictures" "no gnuplot"
 fi
 mkdir "$work/path"
+PATH="$work/path" "$program" --movie "$work/undrawn.gif" --out "$work/undrawn" > "$work/stdout" 2> "$work/stderr" &&
+    failed "--movie without gnuplot: exit status 0"
+shows "$work/stderr" '--movie .*undrawn.gif: no gnuplot here to draw it; install it' "--movie without gnuplot"
+[ -d "$work/undrawn" ] && failed "--movie without gnuplot runs before it says so"
 PATH="$work/path" "$program" --particles 100 --projectile-particles 20 --t-end 1e-7 --compare off --quiet --out "$work/undrawn" \
     > "$work/stdout" 2> "$work/stderr"
 status=$?

@@ -177,6 +177,15 @@ without() {
     esac
 }
 
+# a compiler that is not here and that no package is known for: all else would be for nothing
+first=${CC%% *}
+case $first in cc | gcc | clang) ;; *)
+    have "$first" || {
+        say "ERROR: CC=$CC: no such compiler here; give one that is, such as CC=gcc or CC=clang"
+        exit 1
+    } ;;
+esac
+
 look
 # shellcheck disable=SC2086
 missing=$(list_missing $required $optional)

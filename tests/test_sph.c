@@ -1495,6 +1495,8 @@ static void particles_come_and_go(void **state) {
 
 /* ---- sums, reports --------------------------------------------------------------------------- */
 
+/* of 3000 particles, moved away from the origin and with a velocity of all: angular momentum is
+   about the centre of mass, and knows neither */
 static void totals_are_sums(void **state) {
     (void)state;
     limiter l = {0.1, 0.1, 0};
@@ -1502,16 +1504,23 @@ static void totals_are_sums(void **state) {
     sphpa_particles p = random_set(3, 3000, 0.1, 1);
     sphpa_sim *sim = sim_of(&scene, &p, NULL);
     long double mass = 0, momentum[3] = {0, 0, 0}, angular[3] = {0, 0, 0}, kinetic = 0, inner = 0;
+    long double centre[3] = {0, 0, 0};
+    for (size_t i = 0; i < p.n; i++)
+        for (size_t a = 0; a < 3; a++) {
+            mass += a == 0 ? (long double)p.m[i] : 0.0L;
+            centre[a] += (long double)p.m[i] * p.x[3 * i + a];
+        }
+    for (int a = 0; a < 3; a++) centre[a] /= mass;
     for (size_t i = 0; i < p.n; i++) {
         long double m = (long double)p.m[i];
-        mass += m;
         inner += m * p.u[i];
         for (int a = 0; a < 3; a++) {
-            size_t b = 3 * i + (size_t)((a + 1) % 3), c = 3 * i + (size_t)((a + 2) % 3);
+            int b = (a + 1) % 3, c = (a + 2) % 3;
             long double v = (long double)p.v[3 * i + (size_t)a];
             momentum[a] += m * v;
             kinetic += m * v * v / 2;
-            angular[a] += m * (p.x[b] * (long double)p.v[c] - p.x[c] * (long double)p.v[b]);
+            angular[a] += m * ((p.x[3 * i + (size_t)b] - centre[b]) * p.v[3 * i + (size_t)c] -
+                               (p.x[3 * i + (size_t)c] - centre[c]) * p.v[3 * i + (size_t)b]);
         }
     }
     sphpa_totals totals = sphpa_sim_totals(sim);
@@ -1523,6 +1532,13 @@ static void totals_are_sums(void **state) {
         assert_near_abs(totals.momentum[a], (double)momentum[a], 1e-12);
         assert_near_abs(totals.angular[a], (double)angular[a], 1e-12);
     }
+    for (size_t k = 0; k < 3 * sim->p.n; k++) {
+        sim->p.x[k] += 4.0;
+        sim->p.v[k] = (sphpa_real)((double)sim->p.v[k] + 8.0);
+    }
+    totals = sphpa_sim_totals(sim);
+    for (int a = 0; a < 3; a++)
+        assert_near_abs(totals.angular[a], (double)angular[a], FINE(1e-12, 1e-5) * (double)mass);
     sim_drop(sim);
     sphpa_particles_free(&p);
 }
