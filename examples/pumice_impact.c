@@ -64,9 +64,9 @@ static impact_settings impact_default_settings(void) {
     s.viscosity[0] = 1.0;
     s.viscosity[1] = 3.0;
     s.cfl = 0.3;
-    s.t_end = 1e-4;
+    s.t_end = 2e-4;
     s.gauge[2] = 0.025;
-    s.particles = 6000;
+    s.particles = 5000;
     s.projectile_particles = 200;
     s.link = 1.0;
     s.damage_below = 0.9;
