@@ -556,8 +556,9 @@ SPHPA_DEF const sphpa_tillotson *sphpa_tillotson_find(const char *name); /* NULL
    names of the fields above (name, rho0, A, B, E0, u_iv, u_cv, a, b, alpha, beta, c2_floor,
    tensile_limit, eta_cut, zero_B_expanded, G, Y, u_melt, weibull_k, weibull_m), in SI units, with a
    decimal point whatever the locale; alpha and beta are Tillotson's, for a material has no
-   distention: that comes with the crush curve. `like = basalt`, on any line, takes what the file leaves out
-   from a row of the table; without it name and the ten parameters rho0 to beta are required.
+   distention: that comes with the crush curve. `like = basalt`, on any line, takes what the file
+   leaves out from a row of the table; without it name and the ten parameters rho0 to beta are
+   required.
    *out is untouched on an error; *err (may be NULL) gets file, line, value and cure: ERROR_FILE
    (cannot be read), ERROR_PARSE (no such line, number or name, or a key twice), ERROR_UNKNOWN (key
    or material), ERROR_MISSING (required keys), ERROR_MATERIAL (parameters that make no sense). */
