@@ -178,8 +178,12 @@ static void summary(const choices *c, const body_run *run) {
     double turns = turns_at(c, last->time);
     int half = (run->count + 1) / 2;
     double growth = mean_stress(run, half, run->count) - mean_stress(run, 1, half);
-    printf("correction %-3s  angular momentum %+.3e a turn, stress %+.3e G a turn\n",
-           run->correction ? "on:" : "off:", (last->momentum - 1.0) / turns, growth / (0.5 * turns));
+    double worst = last->momentum; /* on the way: what is lost may come back */
+    for (int k = 0; k < run->count; k++)
+        if (fabs(run->rows[k].momentum - 1.0) > fabs(worst - 1.0)) worst = run->rows[k].momentum;
+    printf("correction %-3s  angular momentum left %.7f, farthest from 1 on the way %.7f; stress "
+           "%+.3e G a turn\n", run->correction ? "on:" : "off:", last->momentum, worst,
+           growth / (0.5 * turns));
 }
 
 static const char *picture =
