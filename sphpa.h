@@ -1285,6 +1285,8 @@ SPHPA_DEF sphpa_result sphpa_tree_friends(const sphpa_tree *tree, const double *
       "neighbours that do not strain the solid: foreign or broken [1]")                            \
     X(h0, sphpa_real, 1, "InitialSmoothingLengths", 1, 0, 0, CONSTANT, RESET, RESET,               \
       "smoothing length at the start [m]")                                                         \
+    X(rho_h0, sphpa_real, 1, "InitialDensities", -3, 1, 0, CONSTANT, RESET, RESET,                 \
+      "density at the start, that goes with the smoothing length there [kg/m3]")                                                         \
     X(S, sphpa_real, 6, "DeviatoricStresses", -1, 1, -2, STATE, INTERPOLATE, BY_MASS,              \
       "bulk deviator, undamaged [Pa]")                                                             \
     X(alpha, double, 1, "Distentions", 0, 0, 0, STATE, COPY, BY_MASS, "distention [1]")            \
@@ -1539,6 +1541,9 @@ typedef struct sphpa_module {
     void *params; /* handed to the passes; must outlive the simulation */
     /* after the fields are allocated and filled, before the first evaluation; may be NULL */
     sphpa_result (*setup)(struct sphpa_sim *sim, void *params, sphpa_error *err);
+    /* after the setup, and after a restart has brought other particles: can the module work with
+       every one of them? may be NULL */
+    sphpa_result (*check)(const struct sphpa_sim *sim, const void *params, sphpa_error *err);
     void (*teardown)(struct sphpa_sim *sim, void *params); /* may be NULL */
     /* exchanges what a restart needs beyond the fields; may be NULL */
     sphpa_result (*keep)(struct sphpa_sim *sim, void *params, sphpa_keep_fn exchange, void *user,
@@ -1748,7 +1753,8 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
          a whole one by a broken one; for the stress of an undamaged particle from the undamaged
          ones of its own body. Where C is blended
          L = W + [.. - W M] C with W the rigid rotation of the neighbours: no false strain
-     (3) rho = rho_0 exp(-dt div v)          h = h_n exp(dt div v/dim), in [h_min, h_max] h0
+     (3) rho = rho_n exp(-dt div v)    h = h0 (rho_h0/rho)^(1/dim), in [h_min, h_max] h0; h0 and
+         rho_h0 are those at the start
      (4) dS/dt = 2 G (edot - tr edot/3 I) + W S - S W, the rotation exact
      (5) dv_i/dt = sum_j m_j (T_ij + T_ji - Pi I + f^n (R_i + R_j)) . grad W,
          m_j T_ij = w_ij sigma'_i C_i/rho_i,
@@ -1780,6 +1786,7 @@ typedef struct sphpa_solid_material {
     double G;      /* [Pa] shear modulus; 0: a fluid */
     double h_max;  /* [1] of (3), for this material; 0: that of the scene. Give more to what boils
                       away, or its particles lose each other and keep their pressure */
+    int damage_in_yield; /* not 0: S is not multiplied by 1 - D, for its yield surface knows D */
 } sphpa_solid_material;
 
 /* Zeroed members are the defaults. */
@@ -1789,7 +1796,6 @@ typedef struct sphpa_solid_params {
     int correction;      /* not 0: kernel-gradient correction (1) */
     int any_neighbour;   /* not 0: L of (2) from all neighbours, also broken and foreign ones */
     int bodies_stick;    /* not 0: tension and shear act between different bodies */
-    int damage_in_yield; /* not 0: S is not multiplied by 1 - D, for the yield surface knows D */
     double artificial_stress;   /* [1] eps of (7); 0: none; 0.2 to 0.3 where bodies are stretched */
     double artificial_exponent; /* [1] n of (5); 0 means 4 */
     double spacing;  /* [1] of the particles in units of h, for (7); 0 means 1/1.2 */
@@ -4097,14 +4103,16 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_p
 }
 
 /* No zero of F lies between two points with F > 0: no P there is so low that the curve gives back an
-   alpha of lo or more. Lowest is P at the end that its slopes point to, and in a dip not below the
-   tangents at both ends. */
+   alpha of lo or more. Lowest is P at the end that its slopes point to. In a dip it is not below the
+   tangents at both ends if P is convex there, which is believed of a dip of 1/64 of the bracket. */
 SPHPA_FORCE_INLINE_ bool sphpa_palpha_clear_(const sphpa_palpha_task_ *task,
                                              const sphpa_palpha_point_ *lo,
                                              const sphpa_palpha_point_ *hi) {
     double slope, P = sphpa_min_(lo->P, hi->P), width = hi->alpha - lo->alpha;
-    if (lo->D < 0.0 && hi->D > 0.0)
+    if (lo->D < 0.0 && hi->D > 0.0) {
+        if (64.0 * width > task->cap - 1.0) return false;
         P = sphpa_min_(P, sphpa_max_(lo->P + lo->D * width, hi->P - hi->D * width));
+    }
     return lo->alpha > sphpa_palpha_target_(task, P, &slope);
 }
 
@@ -8028,6 +8036,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_fill_(sphpa_sim *sim, const sphpa_particle
         const sphpa_module *module = &sim->scene.module[m];
         sim->work->set_up = m + 1;
         if (module->setup != NULL) result = module->setup(sim, module->params, err);
+        if (result == SPHPA_OK && module->check != NULL)
+            result = module->check(sim, module->params, err);
     }
     return result;
 }
@@ -8770,15 +8780,15 @@ SPHPA_PRIVATE_ sphpa_result sphpa_solid_density_(sphpa_sim *sim, void *params, s
     double least = sphpa_solid_h_min_(solid);
     for (size_t i = first; i < last; i++) {
         double most = sphpa_solid_h_max_(solid, sphpa_solid_material_(solid, sim, i));
-        double strain = sim->dt_stage * (double)p->div_v[i], h0 = (double)p->h0[i];
-        p->rho[i] = p->start.rho[i] * exp(-strain);
+        double h0 = (double)p->h0[i];
+        p->rho[i] = p->start.rho[i] * exp(-sim->dt_stage * (double)p->div_v[i]);
         if (!(p->rho[i] > 0.0) || !sphpa_finite_(p->rho[i])) {
             *bad = i;
             return SPHPA_ERROR_NOT_FINITE;
         }
-        if (sim->committing) /* one h for all passes of an evaluation */
-            p->h[i] = (sphpa_real)sphpa_clamp_((double)p->h[i] * exp(strain / p->dim), least * h0,
-                                               most * h0);
+        if (!sim->committing) continue; /* one h for all passes of an evaluation */
+        double h = h0 * pow((double)p->rho_h0[i] / p->rho[i], 1.0 / p->dim);
+        p->h[i] = (sphpa_real)sphpa_clamp_(h, least * h0, most * h0);
     }
     return SPHPA_OK;
 }
@@ -8883,7 +8893,8 @@ SPHPA_PRIVATE_ void sphpa_solid_pack_one_(const sphpa_sim *sim, const sphpa_soli
     record->share = record->point.root / rho;
     double whole = 1.0 - record->point.D;
     sphpa_sym3 sigma = sphpa_sym3_load_(p->S + 6 * i), C = {1.0, 1.0, 1.0, 0.0, 0.0, 0.0};
-    double shear = solid->damage_in_yield ? 1.0 : whole, pressure = P < 0.0 ? whole * P : P;
+    double shear = sphpa_solid_material_(solid, sim, i)->damage_in_yield ? 1.0 : whole;
+    double pressure = P < 0.0 ? whole * P : P;
     sigma.xx = shear * sigma.xx - pressure;
     sigma.yy = shear * sigma.yy - pressure;
     sigma.zz = shear * sigma.zz - pressure;
@@ -9119,17 +9130,30 @@ SPHPA_PRIVATE_ sphpa_result sphpa_solid_check_(const sphpa_solid_params *solid, 
 }
 
 SPHPA_PRIVATE_ sphpa_result sphpa_solid_setup_(sphpa_sim *sim, void *params, sphpa_error *err) {
-    const sphpa_solid_params *solid = (const sphpa_solid_params *)params;
-    sphpa_result result = sphpa_solid_check_(solid, err);
+    sphpa_result result = sphpa_solid_check_((const sphpa_solid_params *)params, err);
     if (result != SPHPA_OK) return result;
     for (size_t i = 0; i < sim->p.n; i++) {
-        if (sim->p.material[i] < 0 || sim->p.material[i] >= solid->materials)
-            return sphpa_error_set(err, SPHPA_ERROR_RANGE,
-                                   "solid: particle %zu has material %d of %d", i,
-                                   (int)sim->p.material[i], solid->materials);
-        if (!(sim->p.h0[i] > (sphpa_real)0)) sim->p.h0[i] = sim->p.h[i];
+        if (sim->p.h0[i] > (sphpa_real)0 && sim->p.rho_h0[i] > (sphpa_real)0) continue;
+        sim->p.h0[i] = sim->p.h[i];
+        sim->p.rho_h0[i] = (sphpa_real)sim->p.rho[i];
     }
     return SPHPA_OK;
+}
+
+/* every particle's material is one of those there are */
+SPHPA_PRIVATE_ sphpa_result sphpa_solid_check_particles_(const sphpa_sim *sim, const char *module,
+                                                         int materials, sphpa_error *err) {
+    for (size_t i = 0; i < sim->p.n; i++)
+        if (sim->p.material[i] < 0 || sim->p.material[i] >= materials)
+            return sphpa_error_set(err, SPHPA_ERROR_RANGE, "%s: particle %zu has material %d of %d",
+                                   module, i, (int)sim->p.material[i], materials);
+    return SPHPA_OK;
+}
+
+SPHPA_PRIVATE_ sphpa_result sphpa_solid_check_all_(const sphpa_sim *sim, const void *params,
+                                                   sphpa_error *err) {
+    return sphpa_solid_check_particles_(sim, "solid",
+                                        ((const sphpa_solid_params *)params)->materials, err);
 }
 
 SPHPA_PRIVATE_ void sphpa_solid_limits_(sphpa_module *module) {
@@ -9188,9 +9212,10 @@ SPHPA_DEF sphpa_module sphpa_solid(sphpa_solid_params *params) {
     module.name = "solid";
     module.params = params;
     module.setup = sphpa_solid_setup_;
+    module.check = sphpa_solid_check_all_;
     sphpa_solid_gradient_pass_(&module, params);
     sphpa_pass *density = sphpa_module_pass_(&module, "solid density", SPHPA_STAGE_GRADIENTS,
-                                             SPHPA_F(div_v) | SPHPA_F(h0), SPHPA_F(h));
+                                             SPHPA_F(div_v) | SPHPA_F(h0) | SPHPA_F(rho_h0), SPHPA_F(h));
     density->advances = SPHPA_F(rho);
     density->particle = sphpa_solid_density_;
     sphpa_pass *pressure = sphpa_module_pass_(&module, "solid pressure", SPHPA_STAGE_PRESSURE,
@@ -9421,11 +9446,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_pores_check_alpha_(const sphpa_sim *sim,
 SPHPA_PRIVATE_ sphpa_result sphpa_pores_check_particle_(const sphpa_sim *sim,
                                                         const sphpa_pores_params *pores, size_t i,
                                                         sphpa_error *err) {
-    int material = sim->p.material[i];
-    if (material < 0 || material >= pores->solid->materials)
-        return sphpa_error_set(err, SPHPA_ERROR_RANGE, "pores: particle %zu has material %d of %d",
-                               i, material, pores->solid->materials);
-    double most = sphpa_max_(pores->crush[material].alpha0, 1.0);
+    double most = sphpa_max_(pores->crush[sim->p.material[i]].alpha0, 1.0);
     if (sim->p.alpha[i] > most * (1.0 + 4.0 * DBL_EPSILON))
         return sphpa_error_set(err, SPHPA_ERROR_ALPHA,
                                "pores: particle %zu has alpha = %.9g, above alpha0 = %.9g of its "
@@ -9445,10 +9466,6 @@ SPHPA_PRIVATE_ sphpa_result sphpa_pores_setup_(sphpa_sim *sim, void *params, sph
         return sphpa_error_set(err, SPHPA_ERROR_MISSING,
                                "pores: the scene has no sphpa_solid() of these solid parameters; "
                                "add it, with its materials");
-    for (size_t i = 0; i < sim->p.n; i++) {
-        sphpa_result result = sphpa_pores_check_particle_(sim, pores, i, err);
-        if (result != SPHPA_OK) return result;
-    }
     for (int k = 0; k < pores->solid->materials; k++) {
         if (!sphpa_pores_porous_(pores, k)) continue;
         sphpa_result result = sphpa_pores_check_material_(pores, k, err);
@@ -9459,6 +9476,16 @@ SPHPA_PRIVATE_ sphpa_result sphpa_pores_setup_(sphpa_sim *sim, void *params, sph
         for (size_t i = 0; i < sim->p.n; i++)
             if (!(sim->p.alpha_min[i] >= 1.0)) sim->p.alpha_min[i] = sim->p.alpha[i];
     return SPHPA_OK;
+}
+
+SPHPA_PRIVATE_ sphpa_result sphpa_pores_check_all_(const sphpa_sim *sim, const void *params,
+                                                   sphpa_error *err) {
+    const sphpa_pores_params *pores = (const sphpa_pores_params *)params;
+    sphpa_result result =
+        sphpa_solid_check_particles_(sim, "pores", pores->solid->materials, err);
+    for (size_t i = 0; i < sim->p.n && result == SPHPA_OK; i++)
+        result = sphpa_pores_check_particle_(sim, pores, i, err);
+    return result;
 }
 
 /* what the pores did before a restart */
@@ -9483,6 +9510,7 @@ SPHPA_DEF sphpa_module sphpa_pores(sphpa_pores_params *params) {
     module.name = "pores";
     module.params = params;
     module.setup = sphpa_pores_setup_;
+    module.check = sphpa_pores_check_all_;
     module.keep = sphpa_pores_keep_;
     sphpa_mask advances = SPHPA_F(alpha);
     bool whole = params->solid != NULL && params->crush != NULL; /* setup complains if not */
@@ -9535,6 +9563,25 @@ SPHPA_PRIVATE_ sphpa_result sphpa_plastic_yield_(sphpa_sim *sim, void *params, s
     return SPHPA_OK;
 }
 
+/* D must weaken the deviator once: in the surface, or in the forces */
+SPHPA_PRIVATE_ sphpa_result sphpa_plastic_check_damage_(const sphpa_plastic_params *plastic,
+                                                        const sphpa_solid_params *solid,
+                                                        sphpa_error *err) {
+    int materials = solid->materials < plastic->materials ? solid->materials : plastic->materials;
+    for (int k = 0; k < materials; k++) {
+        int knows = plastic->yield[k].kind == SPHPA_YIELD_COLLINS;
+        if (knows == (solid->material[k].damage_in_yield != 0)) continue;
+        return sphpa_error_set(err, SPHPA_ERROR_MATERIAL,
+                               knows ? "plastic: the COLLINS surface of material %d knows D already; "
+                                       "set damage_in_yield = 1 in its sphpa_solid_material, or D "
+                                       "weakens it twice"
+                                     : "plastic: the surface of material %d does not know D; set "
+                                       "damage_in_yield = 0 in its sphpa_solid_material, or D does "
+                                       "not weaken it at all", k);
+    }
+    return SPHPA_OK;
+}
+
 SPHPA_PRIVATE_ sphpa_result sphpa_plastic_setup_(sphpa_sim *sim, void *params, sphpa_error *err) {
     const sphpa_plastic_params *plastic = (const sphpa_plastic_params *)params;
     if (plastic->yield == NULL || plastic->materials < 1)
@@ -9543,12 +9590,19 @@ SPHPA_PRIVATE_ sphpa_result sphpa_plastic_setup_(sphpa_sim *sim, void *params, s
         sphpa_result result = sphpa_yield_check(&plastic->yield[k], err);
         if (result != SPHPA_OK) return result;
     }
-    for (size_t i = 0; i < sim->p.n; i++)
-        if (sim->p.material[i] < 0 || sim->p.material[i] >= plastic->materials)
-            return sphpa_error_set(err, SPHPA_ERROR_RANGE,
-                                   "plastic: particle %zu has material %d of %d", i,
-                                   (int)sim->p.material[i], plastic->materials);
+    for (int m = 0; m < sim->scene.modules && sim->p.D != NULL; m++) {
+        const sphpa_module *module = &sim->scene.module[m];
+        const sphpa_solid_params *solid = (const sphpa_solid_params *)module->params;
+        if (strcmp(module->name, "solid") != 0 || solid->material == NULL) continue;
+        return sphpa_plastic_check_damage_(plastic, solid, err);
+    }
     return SPHPA_OK;
+}
+
+SPHPA_PRIVATE_ sphpa_result sphpa_plastic_check_all_(const sphpa_sim *sim, const void *params,
+                                                     sphpa_error *err) {
+    return sphpa_solid_check_particles_(sim, "plastic",
+                                        ((const sphpa_plastic_params *)params)->materials, err);
 }
 
 SPHPA_DEF sphpa_module sphpa_plastic(sphpa_plastic_params *params) {
@@ -9557,6 +9611,7 @@ SPHPA_DEF sphpa_module sphpa_plastic(sphpa_plastic_params *params) {
     module.name = "plastic";
     module.params = params;
     module.setup = sphpa_plastic_setup_;
+    module.check = sphpa_plastic_check_all_;
     sphpa_pass *yield = sphpa_module_pass_(&module, "plastic yield", SPHPA_STAGE_YIELD,
                                            SPHPA_F(P) | SPHPA_F(u), SPHPA_F(S));
     yield->uses = SPHPA_F(alpha) | SPHPA_F(D);
@@ -9718,9 +9773,10 @@ SPHPA_PRIVATE_ sphpa_result sphpa_cracks_flaws_(sphpa_sim *sim, sphpa_cracks_par
         sim->p.flaw_exponent[i] = (sphpa_real)0;
     }
     sphpa_result result = SPHPA_OK;
-    for (int32_t body = low; body <= high && result == SPHPA_OK; body++)
+    for (int64_t body = low; body <= high && result == SPHPA_OK; body++)
         for (int k = 0; k < cracks->solid->materials && result == SPHPA_OK; k++)
-            result = sphpa_cracks_body_(sim, cracks, body, k, order, order + sim->p.n, err);
+            result = sphpa_cracks_body_(sim, cracks, (int32_t)body, k, order, order + sim->p.n,
+                                        err);
     SPHPA_FREE(order);
     if (!cracks->keep_all || result != SPHPA_OK) {
         SPHPA_FREE(cracks->pool);
@@ -9834,7 +9890,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_cracks_grow_(sphpa_sim *sim, void *params, siz
             p->n_act[i] = (sphpa_real)active;
             p->D13[i] = (sphpa_real)D13;
         }
-        double compaction = sphpa_damage_compaction(alpha, cracks->material[material].alpha0);
+        double least = p->alpha_min != NULL ? p->alpha_min[i] : alpha; /* pores may spring back */
+        double compaction = sphpa_damage_compaction(least, cracks->material[material].alpha0);
         double D = sphpa_damage_total(D13, compaction);
         if (!(D >= 0.0 && D <= 1.0)) {
             *bad = i;
@@ -9871,7 +9928,7 @@ SPHPA_DEF sphpa_module sphpa_cracks(sphpa_cracks_params *params) {
                                               SPHPA_F(h),
                                           SPHPA_F(D));
     grow->advances = SPHPA_F(D13) | SPHPA_F(n_act);
-    grow->uses = SPHPA_F(alpha);
+    grow->uses = SPHPA_F(alpha) | SPHPA_F(alpha_min);
     grow->particle = sphpa_cracks_grow_;
     grow->at_commit = 1;
     sphpa_pass *limit = sphpa_module_pass_(&module, "damage growth", SPHPA_STAGE_LIMIT,
@@ -11268,13 +11325,28 @@ SPHPA_PRIVATE_ void sphpa_series_string_(sphpa_text_ *out, const char *text) {
     sphpa_text_add_(out, "\"");
 }
 
+/* a number with a decimal point whatever the locale: of what is no digit, sign or e the first byte
+   becomes the point and the others go */
+SPHPA_PRIVATE_ void sphpa_series_number_(sphpa_text_ *out, double value) {
+    char text[64], plain[64];
+    size_t n = 0, odd = 0;
+    snprintf(text, sizeof text, "%.17g", value);
+    for (const char *c = text; *c != '\0'; c++)
+        if (strchr("0123456789+-eE", *c) != NULL) plain[n++] = *c;
+        else if (odd++ == 0) plain[n++] = '.';
+    plain[n] = '\0';
+    sphpa_text_add_(out, "%s", plain);
+}
+
 SPHPA_PRIVATE_ void sphpa_series_text_(sphpa_text_ *out, const char *const *names,
                                        const double *times, size_t count) {
     sphpa_text_add_(out, "{\n  \"file-series-version\": \"1.0\",\n  \"files\": [");
     for (size_t k = 0; k < count; k++) {
         sphpa_text_add_(out, "%s\n    { \"name\": ", k > 0 ? "," : "");
         sphpa_series_string_(out, names[k]);
-        sphpa_text_add_(out, ", \"time\": %.17g }", times[k]);
+        sphpa_text_add_(out, ", \"time\": ");
+        sphpa_series_number_(out, times[k]);
+        sphpa_text_add_(out, " }");
     }
     sphpa_text_add_(out, "\n  ]\n}\n");
 }
@@ -11441,8 +11513,8 @@ SPHPA_PRIVATE_ void sphpa_h5_string_(sphpa_h5_ *h5, hid_t at, const char *name, 
     if (type >= 0) (void)H5Tclose(type);
 }
 
-/* a string attribute as new memory, NULL if there is none */
-SPHPA_PRIVATE_ char *sphpa_h5_text_(hid_t at, const char *name) {
+/* a string attribute as new memory; NULL if there is none, or no memory, which is an error */
+SPHPA_PRIVATE_ char *sphpa_h5_text_(sphpa_h5_ *h5, hid_t at, const char *name) {
     if (H5Aexists(at, name) <= 0) return NULL;
     hid_t attribute = H5Aopen(at, name, H5P_DEFAULT);
     hid_t type = attribute >= 0 ? H5Aget_type(attribute) : -1;
@@ -11452,6 +11524,7 @@ SPHPA_PRIVATE_ char *sphpa_h5_text_(hid_t at, const char *name) {
         size_t length = H5Tget_size(type);
         text = (char *)sphpa_alloc_(length + 1, 1);
         if (text != NULL) memset(text, 0, length + 1);
+        else sphpa_h5_fail_(h5, SPHPA_ERROR_MEMORY, "out of memory for %zu bytes", length + 1);
         if (text != NULL && H5Aread(attribute, type, text) < 0) text[0] = '\0';
     }
     if (type >= 0) (void)H5Tclose(type);
@@ -12403,7 +12476,7 @@ SPHPA_PRIVATE_ hid_t sphpa_checkpoint_open_(sphpa_h5_ *h5, const char *path, sph
                        "/sphpa; give a checkpoint that this program wrote");
         return -1;
     }
-    char *kind = sphpa_h5_text_(own, "kind");
+    char *kind = sphpa_h5_text_(h5, own, "kind");
     double format = sphpa_h5_number_or_(own, "format", 0.0);
     if (kind == NULL || strcmp(kind, "checkpoint") != 0)
         sphpa_h5_fail_(h5, SPHPA_ERROR_FORMAT, "a %.40s, not a checkpoint: it lacks what a restart "
@@ -12420,7 +12493,7 @@ SPHPA_PRIVATE_ hid_t sphpa_checkpoint_open_(sphpa_h5_ *h5, const char *path, sph
 /* the file's passes against the scene's, by name and place */
 SPHPA_PRIVATE_ void sphpa_h5_same_passes_(sphpa_h5_ *h5, hid_t own, const sphpa_sim *sim) {
     if (h5->result != SPHPA_OK) return;
-    char *names = sphpa_h5_text_(own, "passes"), *theirs = names;
+    char *names = sphpa_h5_text_(h5, own, "passes"), *theirs = names;
     for (int k = 0; k <= sim->passes && h5->result == SPHPA_OK; k++) {
         char *end = theirs != NULL ? strchr(theirs, '\n') : NULL;
         if (end != NULL) *end = '\0';
@@ -12565,6 +12638,9 @@ SPHPA_PRIVATE_ sphpa_result sphpa_checkpoint_swap_(sphpa_sim *sim, sphpa_particl
         sphpa_particles own = sim->p;
         sim->p = *fresh;
         result = sphpa_kept_exchange_(sim, sphpa_kept_give_, kept, sim->scene.modules, &done, err);
+        for (int m = 0; m < sim->scene.modules && result == SPHPA_OK; m++)
+            if (sim->scene.module[m].check != NULL)
+                result = sim->scene.module[m].check(sim, sim->scene.module[m].params, err);
         if (result != SPHPA_OK) {
             sim->p = own;
             (void)sphpa_kept_exchange_(sim, sphpa_kept_give_, &before, done, &ignored, NULL);

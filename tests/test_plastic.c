@@ -64,10 +64,10 @@ static sphpa_result give_damage(sphpa_sim *sim, void *params, size_t first, size
     return SPHPA_OK;
 }
 
-static void start(scene_of *s, const sphpa_particles *initial, sphpa_sim *sim) {
+static sphpa_result create(scene_of *s, const sphpa_particles *initial, sphpa_sim *sim,
+                           sphpa_error *err) {
     sphpa_scene scene;
     sphpa_module fly;
-    sphpa_error err;
     memset(&scene, 0, sizeof scene);
     memset(&fly, 0, sizeof fly);
     fly.name = "ballistic";
@@ -94,7 +94,12 @@ static void start(scene_of *s, const sphpa_particles *initial, sphpa_sim *sim) {
     if (!s->yield_first)
         assert_int_equal(sphpa_scene_add(&scene, sphpa_plastic(&s->plastic)), SPHPA_OK);
     if (!s->free) assert_int_equal(sphpa_scene_add(&scene, fly), SPHPA_OK);
-    ok(sphpa_sim_create(sim, &scene, initial, &s->options, &err), &err);
+    return sphpa_sim_create(sim, &scene, initial, &s->options, err);
+}
+
+static void start(scene_of *s, const sphpa_particles *initial, sphpa_sim *sim) {
+    sphpa_error err;
+    ok(create(s, initial, sim, &err), &err);
 }
 
 static void until(sphpa_sim *sim, double t_end) {
@@ -211,6 +216,7 @@ static void pores_and_damage_weaken(void **state) {
             s.yield.mu_d = 0.2;
             s.yield.u_melt = 0.5;
             s.worn = 1;
+            s.material.damage_in_yield = 1;
             s.D = D;
             s.options.dt_fixed = 0.01;
             sphpa_sim sim;
@@ -229,6 +235,26 @@ static void pores_and_damage_weaken(void **state) {
     /* each matters: 1/alpha where friction does not help, D where it does */
     assert_true(S[1][0] < 0.95 * S[0][0]);
     assert_true(S[0][1] < 0.95 * S[0][0] && S[1][1] < 0.95 * S[1][0]);
+}
+
+/* D weakens the deviator once: in Collins' surface or in the forces; else the scene is refused */
+static void damage_counts_once(void **state) {
+    (void)state;
+    for (int k = 0; k < 4; k++) {
+        sphpa_particles p = disc(2, 0.3);
+        scene_of s = metal(k % 2 ? SPHPA_YIELD_COLLINS : SPHPA_YIELD_VON_MISES, 0.01);
+        s.yield.Ym = 0.3;
+        s.worn = 1;
+        s.material.damage_in_yield = k / 2;
+        sphpa_sim sim;
+        sphpa_error err;
+        sphpa_result result = create(&s, &p, &sim, &err);
+        assert_int_equal(result, k % 2 == k / 2 ? SPHPA_OK : SPHPA_ERROR_MATERIAL);
+        if (result != SPHPA_OK)
+            assert_non_null(strstr(err.message, k % 2 ? "set damage_in_yield = 1" : "set damage_in_yield = 0"));
+        sphpa_sim_free(&sim);
+        sphpa_particles_free(&p);
+    }
 }
 
 /* ---- simple shear ------------------------------------------------------------------------------- */
@@ -413,6 +439,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(uniaxial_strain_follows_the_cycle),
         cmocka_unit_test(pores_and_damage_weaken),
+        cmocka_unit_test(damage_counts_once),
         cmocka_unit_test(simple_shear_flows),
         cmocka_unit_test(plastic_work_heats),
         cmocka_unit_test(order_of_adding_does_not_matter),
