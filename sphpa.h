@@ -4102,6 +4102,15 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_p
     task->result = SPHPA_ERROR_NOT_CONVERGED;
 }
 
+/* May P fall between two points though it rises at both? The cubic through them does not where both
+   slopes are below three times the chord's in the mean square (Fritsch & Carlson 1980). */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_bends_(const sphpa_palpha_point_ *lo,
+                                             const sphpa_palpha_point_ *hi) {
+    double width = hi->alpha - lo->alpha, rise = hi->P - lo->P, a = lo->D * width,
+           b = hi->D * width;
+    return a > 0.0 && b > 0.0 && !(rise > 0.0 && a * a + b * b <= 9.0 * rise * rise);
+}
+
 /* No zero of F lies between two points with F > 0: no P there is so low that the curve gives back an
    alpha of lo or more. Lowest is P at the end that its slopes point to. In a dip it is not below the
    tangents at both ends if P is convex there, which is believed of a dip of 1/64 of the bracket. */
@@ -4109,8 +4118,9 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_clear_(const sphpa_palpha_task_ *task,
                                              const sphpa_palpha_point_ *lo,
                                              const sphpa_palpha_point_ *hi) {
     double slope, P = sphpa_min_(lo->P, hi->P), width = hi->alpha - lo->alpha;
-    if (lo->D < 0.0 && hi->D > 0.0) {
-        if (64.0 * width > task->cap - 1.0) return false;
+    bool dip = lo->D < 0.0 && hi->D > 0.0;
+    if ((dip || sphpa_palpha_bends_(lo, hi)) && 64.0 * width > task->cap - 1.0) return false;
+    if (dip) {
         P = sphpa_min_(P, sphpa_max_(lo->P + lo->D * width, hi->P - hi->D * width));
     }
     return lo->alpha > sphpa_palpha_target_(task, P, &slope);
@@ -4145,11 +4155,12 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_dip_(sphpa_palpha_eval_ eval, sphpa_palpha
 }
 
 /* *lo with F <= 0 and *hi with F > 0 hold an odd number of zeros: halves while P falls with alpha at
-   an end, so that the highest one is alone. False: an evaluation failed. */
+   an end or may between them, so that the highest one is alone. False: an evaluation failed. */
 SPHPA_FORCE_INLINE_ bool sphpa_palpha_highest_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
                                                sphpa_palpha_point_ *lo, sphpa_palpha_point_ *hi) {
     sphpa_palpha_point_ middle, low;
-    for (int k = 0; k < 6 && lo->F <= 0.0 && (lo->D < 0.0 || hi->D < 0.0); k++) {
+    for (int k = 0; k < 6 && lo->F <= 0.0; k++) {
+        if (!(lo->D < 0.0 || hi->D < 0.0 || sphpa_palpha_bends_(lo, hi))) break;
         if (!sphpa_palpha_at_(eval, task, 0.5 * (lo->alpha + hi->alpha), &middle)) return false;
         if (middle.F <= 0.0) *lo = middle;
         else if (sphpa_palpha_dip_(eval, task, middle, hi, &low)) *lo = low;
@@ -4159,10 +4170,10 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_highest_(sphpa_palpha_eval_ eval, sphpa_pa
 }
 
 /* Where nothing shows that F has one zero only: look inward from the top in eight steps for the first
-   change of sign, and between two of them for dips. A pair of roots is missed where P rises and falls
-   twice within a step, or where the two are within some 1e-6 of the bracket. True: the root is in
-   [*lo, *hi] and `point` is the end with the smaller |F|. False: `point` is the answer, or the
-   evaluation failed. */
+   change of sign, and between two of them for dips. A pair of roots is missed where P has a dip that
+   neither the slopes at a step's ends nor the cubic through them tell of, or where the two are within
+   some 1e-6 of the bracket. True: the root is in [*lo, *hi] and `point` is the end with the smaller
+   |F|. False: `point` is the answer, or the evaluation failed. */
 SPHPA_FORCE_INLINE_ bool sphpa_palpha_scan_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
                                             double *lo, double *hi, sphpa_palpha_point_ *point) {
     const int steps = 8;

@@ -772,6 +772,38 @@ static void test_several_roots(void **unused) {
     assert_int_equal(missed, 0);
 }
 
+/* ice as vapour, where P is not convex: a dip that its tangents hide; two states once found, and any
+   near to those */
+static void test_hidden_dips(void **unused) {
+    (void)unused;
+    const double found[2][5] = {/* alpha0, Ps, rho, u, alpha_old; largest roots 1.4002 and 1.48 */
+                                {18.164223705091278, 327234274.116, 580.98207179240524,
+                                 2994247.1321147452, 4.7675930476916069},
+                                {5.0, 5.01e8, 568.8, 3.005e6, 5.0}};
+    sphpa_tillotson mat = material("ice");
+    sphpa_rng rng = sphpa_rng_seed(63, 2);
+    int hidden = 0;
+    for (int i = 0; i < 4000; i++) {
+        double at[5];
+        for (int k = 0; k < 5; k++) /* within 2 %, the first two as they were */
+            at[k] = found[i % 2][k] * (i < 2 ? 1.0 : 1.0 + 0.02 * (2.0 * sphpa_rng_uniform(&rng) - 1.0));
+        at[4] = fmin(at[4], at[0]);
+        sphpa_crush c = sphpa_crush_quadratic(at[0], 0.0, at[1]);
+        ref_state ref = ref_make(&mat, &c, at[2], at[3], at[4]);
+        long double largest = ref_largest(&ref, 400);
+        sphpa_palpha_solution out;
+        assert_int_equal(sphpa_palpha_solve(SPHPA_PALPHA_CRUSH_SPACE, &mat, &c, at[2], at[3], at[4],
+                                            NULL, &out), SPHPA_OK);
+        /* it is a root, and none that the looks found is larger */
+        if (!ref_root_near(&ref, L(out.alpha)) ||
+            !(L(out.alpha) >= largest - L(ref_allowed(&ref, largest, 1e-12))))
+            fail_msg("rho %.17g u %.17g: %.17g, largest %.17Lg", at[2], at[3], out.alpha, largest);
+        hidden += largest > 1.2L;
+    }
+    print_message("# ice with a dip: %d of 4000 with a root in it\n", hidden);
+    assert_true(hidden > 200);
+}
+
 /* The states that are solved without a look for a second root: of any Tillotson material, where the
    header says so, P_m(alpha rho, u)/alpha never falls with alpha, rho dP/drho >= P, up to 30 rho. */
 static void test_one_root(void **unused) {
@@ -1244,6 +1276,7 @@ int main(void) {
         cmocka_unit_test(test_tolerances),
         cmocka_unit_test(test_newton_cycles),
         cmocka_unit_test(test_several_roots),
+        cmocka_unit_test(test_hidden_dips),
         cmocka_unit_test(test_one_root),
         cmocka_unit_test(test_edges),
         cmocka_unit_test(test_cut_offs),
