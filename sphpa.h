@@ -7943,6 +7943,16 @@ SPHPA_PRIVATE_ sphpa_result sphpa_numbers_check_(const char *who, const sphpa_nu
     return SPHPA_OK;
 }
 
+/* every particle's material is one of those there are */
+SPHPA_PRIVATE_ sphpa_result sphpa_materials_check_(const sphpa_sim *sim, const char *module,
+                                                   int materials, sphpa_error *err) {
+    for (size_t i = 0; i < sim->p.n; i++)
+        if (sim->p.material[i] < 0 || sim->p.material[i] >= materials)
+            return sphpa_error_set(err, SPHPA_ERROR_RANGE, "%s: particle %zu has material %d of %d",
+                                   module, i, (int)sim->p.material[i], materials);
+    return SPHPA_OK;
+}
+
 /* what is 0 becomes the default */
 SPHPA_PRIVATE_ sphpa_result sphpa_sim_defaults_(sphpa_sim_options *options, sphpa_error *err) {
     const sphpa_number_ all[7] = {
@@ -8505,6 +8515,7 @@ SPHPA_PRIVATE_ double sphpa_gas_courant_(const sphpa_sim *sim, const void *param
 
 SPHPA_PRIVATE_ sphpa_result sphpa_gas_setup_(sphpa_sim *sim, void *params, sphpa_error *err) {
     const sphpa_gas_params *gas = (const sphpa_gas_params *)params;
+    (void)sim;
     bool eos = gas->eos != NULL && gas->materials > 0;
     for (int k = 0; k < gas->materials && eos; k++) eos = gas->eos[k].eval != NULL;
     if (!eos)
@@ -8513,14 +8524,12 @@ SPHPA_PRIVATE_ sphpa_result sphpa_gas_setup_(sphpa_sim *sim, void *params, sphpa
     const sphpa_number_ all[3] = {
         {"eta", gas->eta}, {"h_max", gas->h_max}, {"conduction", gas->conduction}};
     sphpa_result result = sphpa_numbers_check_("gas", all, 3, err);
-    if (result == SPHPA_OK) result = sphpa_viscosity_check_("gas", &gas->viscosity, err);
-    if (result != SPHPA_OK) return result;
-    for (size_t i = 0; i < sim->p.n; i++)
-        if (sim->p.material[i] < 0 || sim->p.material[i] >= gas->materials)
-            return sphpa_error_set(err, SPHPA_ERROR_RANGE,
-                                   "gas: particle %zu has material %d of %d", i,
-                                   (int)sim->p.material[i], gas->materials);
-    return SPHPA_OK;
+    return result == SPHPA_OK ? sphpa_viscosity_check_("gas", &gas->viscosity, err) : result;
+}
+
+SPHPA_PRIVATE_ sphpa_result sphpa_gas_check_all_(const sphpa_sim *sim, const void *params,
+                                                 sphpa_error *err) {
+    return sphpa_materials_check_(sim, "gas", ((const sphpa_gas_params *)params)->materials, err);
 }
 
 SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params) {
@@ -8529,6 +8538,7 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params) {
     module.name = "gas";
     module.params = params;
     module.setup = sphpa_gas_setup_;
+    module.check = sphpa_gas_check_all_;
     sphpa_mask shape = SPHPA_F(x) | SPHPA_F(m) | SPHPA_F(h), flow = SPHPA_F(v) | SPHPA_F(rho);
     sphpa_pass *density = sphpa_module_pass_(&module, "gas density", SPHPA_STAGE_DENSITY, shape,
                                              SPHPA_F(h) | SPHPA_F(rho) | SPHPA_F(omega));
@@ -9151,20 +9161,10 @@ SPHPA_PRIVATE_ sphpa_result sphpa_solid_setup_(sphpa_sim *sim, void *params, sph
     return SPHPA_OK;
 }
 
-/* every particle's material is one of those there are */
-SPHPA_PRIVATE_ sphpa_result sphpa_solid_check_particles_(const sphpa_sim *sim, const char *module,
-                                                         int materials, sphpa_error *err) {
-    for (size_t i = 0; i < sim->p.n; i++)
-        if (sim->p.material[i] < 0 || sim->p.material[i] >= materials)
-            return sphpa_error_set(err, SPHPA_ERROR_RANGE, "%s: particle %zu has material %d of %d",
-                                   module, i, (int)sim->p.material[i], materials);
-    return SPHPA_OK;
-}
-
 SPHPA_PRIVATE_ sphpa_result sphpa_solid_check_all_(const sphpa_sim *sim, const void *params,
                                                    sphpa_error *err) {
-    return sphpa_solid_check_particles_(sim, "solid",
-                                        ((const sphpa_solid_params *)params)->materials, err);
+    return sphpa_materials_check_(sim, "solid", ((const sphpa_solid_params *)params)->materials,
+                                  err);
 }
 
 SPHPA_PRIVATE_ void sphpa_solid_limits_(sphpa_module *module) {
@@ -9492,8 +9492,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_pores_setup_(sphpa_sim *sim, void *params, sph
 SPHPA_PRIVATE_ sphpa_result sphpa_pores_check_all_(const sphpa_sim *sim, const void *params,
                                                    sphpa_error *err) {
     const sphpa_pores_params *pores = (const sphpa_pores_params *)params;
-    sphpa_result result =
-        sphpa_solid_check_particles_(sim, "pores", pores->solid->materials, err);
+    sphpa_result result = sphpa_materials_check_(sim, "pores", pores->solid->materials, err);
     for (size_t i = 0; i < sim->p.n && result == SPHPA_OK; i++)
         result = sphpa_pores_check_particle_(sim, pores, i, err);
     return result;
@@ -9612,8 +9611,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_plastic_setup_(sphpa_sim *sim, void *params, s
 
 SPHPA_PRIVATE_ sphpa_result sphpa_plastic_check_all_(const sphpa_sim *sim, const void *params,
                                                      sphpa_error *err) {
-    return sphpa_solid_check_particles_(sim, "plastic",
-                                        ((const sphpa_plastic_params *)params)->materials, err);
+    return sphpa_materials_check_(sim, "plastic",
+                                  ((const sphpa_plastic_params *)params)->materials, err);
 }
 
 SPHPA_DEF sphpa_module sphpa_plastic(sphpa_plastic_params *params) {

@@ -303,6 +303,72 @@ static void pores_have_no_flaws(void **state) {
     }
 }
 
+/* bodies are numbered as anybody likes, to the ends of an int32 */
+static void any_body_number(void **state) {
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        sphpa_particles p = cube(5, 0.0);
+        for (size_t i = 0; i < p.n; i++) p.body[i] = k ? INT32_MIN : INT32_MAX;
+        scene_of s = rock();
+        sphpa_sim sim;
+        start(&s, &p, &sim);
+        for (size_t i = 0; i < sim.p.n; i++) assert_true(sim.p.flaw_count[i] >= 1);
+        sphpa_sim_free(&sim);
+        sphpa_particles_free(&p);
+    }
+}
+
+static sphpa_result spring_back(sphpa_sim *sim, void *params, size_t first, size_t last,
+                                size_t *bad) {
+    (void)params, (void)bad;
+    for (size_t i = first; i < last; i++) {
+        sim->p.alpha_min[i] = 1.2;
+        sim->p.alpha[i] = sim->time < 0.05 ? 1.2 : 1.25;
+    }
+    return SPHPA_OK;
+}
+
+/* damage by compaction is that of the least distention: what springs back does not heal */
+static void compaction_does_not_heal(void **state) {
+    (void)state;
+    sphpa_particles p = porous_cube(5, 0.0, 1.5);
+    scene_of s = rock();
+    sphpa_module spring;
+    sphpa_scene scene;
+    sphpa_sim sim;
+    sphpa_error err;
+    memset(&spring, 0, sizeof spring);
+    memset(&scene, 0, sizeof scene);
+    spring.name = "spring";
+    spring.passes = 1;
+    spring.pass[0].name = "spring back";
+    spring.pass[0].stage = SPHPA_STAGE_PRESSURE;
+    spring.pass[0].advances = SPHPA_F(alpha) | SPHPA_F(alpha_min);
+    spring.pass[0].particle = spring_back;
+    spring.pass[0].at_commit = 1;
+    s.flaws[0].k = 0.0;
+    s.flaws[0].alpha0 = 1.5;
+    s.material[0].eos = sphpa_murnaghan_eos(&s.rock);
+    s.solid.material = s.material;
+    s.cracks.solid = &s.solid;
+    s.cracks.material = s.flaws;
+    s.options.dt_fixed = 0.02;
+    assert_int_equal(sphpa_scene_add(&scene, sphpa_solid(&s.solid)), SPHPA_OK);
+    assert_int_equal(sphpa_scene_add(&scene, sphpa_cracks(&s.cracks)), SPHPA_OK);
+    assert_int_equal(sphpa_scene_add(&scene, spring), SPHPA_OK);
+    ok(sphpa_sim_create(&sim, &scene, &p, &s.options, &err), &err);
+    double want = sphpa_damage_compaction(1.2, 1.5);
+    assert_true(want > sphpa_damage_compaction(1.25, 1.5) + 0.01);
+    for (int k = 0; k < 6; k++) {
+        step(&sim, HUGE_VAL);
+        for (size_t i = 0; i < sim.p.n; i++)
+            assert_near((double)sim.p.D[i], sphpa_damage_total(0.0, want), FLOAT_ROUNDING);
+    }
+    assert_true(sim.p.alpha[0] == 1.25);
+    sphpa_sim_free(&sim);
+    sphpa_particles_free(&p);
+}
+
 /* ---- growth against one state alone -------------------------------------------------------------- */
 
 /* The state of one particle under v = pull x along x, by itself. Of porous matter: S and P are the
@@ -765,6 +831,8 @@ int main(void) {
         cmocka_unit_test(streams_are_apart),
         cmocka_unit_test(bodies_and_materials),
         cmocka_unit_test(pores_have_no_flaws),
+        cmocka_unit_test(any_body_number),
+        cmocka_unit_test(compaction_does_not_heal),
         cmocka_unit_test(damage_grows_as_of_one_state),
         cmocka_unit_test(strength_is_that_of_the_particles),
         cmocka_unit_test(faster_rods_are_stronger),

@@ -1018,6 +1018,11 @@ static void test_changed_checkpoints(void **state) {
     poke(path, "/PartType0/Densities", 3, -1.0);
     assert_int_equal(sphpa_checkpoint_read(&t.w->sim, path, &err), SPHPA_ERROR_NEGATIVE);
     spill(path, whole, bytes);
+    poke(path, "/PartType0/MaterialIDs", 5, 100000.0); /* the module has one */
+    assert_int_equal(sphpa_checkpoint_read(&t.w->sim, path, &err), SPHPA_ERROR_RANGE);
+    assert_says(&err, SPHPA_ERROR_RANGE, "material 100000 of 1");
+    assert_same_bits(&t.w->sim, &t.twin->sim);
+    spill(path, whole, bytes);
     poke_int(path, "format", 99);
     witness_reads(&t, path, SPHPA_ERROR_FORMAT, "format 99");
     spill(path, whole, bytes);
