@@ -1029,8 +1029,8 @@ static void test_batch(void **unused) {
                      SPHPA_ERROR_MISSING);
 }
 
-/* c of the matrix has the floor that the material asks for, of A/rho0; without heat, at eta < 1, c^2 is
-   (A + 2 B mu)/rho0 + (a + b) P/rho, P = A mu + B mu^2 */
+/* c of the matrix has the floor that the material asks for, of A/rho0; without heat, at eta < 1,
+   c^2 is (A + 2 B mu)/rho0 + (a + b) P/rho, P = A mu + B mu^2 */
 static void test_sound_floor(void **unused) {
     (void)unused;
     sphpa_tillotson mat = material("aluminium");
