@@ -698,6 +698,68 @@ static void damage_limits_the_step(void **state) {
     }
 }
 
+/* a crack has grown through a particle when it has run the kernel's radius: c_g over the support */
+static void cracks_run_the_support(void **state) {
+    (void)state;
+    const double supports[SPHPA_KERNEL_COUNT] = {2.0, 2.5, 3.0, 2.0, 2.0, 2.0, 3.0}, dt = 0.005;
+    for (int k = 0; k < (int)SPHPA_KERNEL_COUNT; k++) {
+        sphpa_particles p = cube(6, 0.4);
+        scene_of s = rock();
+        s.pull = 0.4;
+        s.options.dt_fixed = dt;
+        s.options.kernel = (sphpa_kernel)k;
+        sphpa_sim sim;
+        start(&s, &p, &sim);
+        double before[216];
+        int grew = 0;
+        while (sim.time < 0.35) step(&sim, HUGE_VAL);
+        for (size_t i = 0; i < sim.p.n; i++) before[sim.p.id[i]] = (double)sim.p.D13[i];
+        step(&sim, HUGE_VAL);
+        for (size_t i = 0; i < sim.p.n; i++) {
+            double root = cbrt((double)sim.p.n_act[i]), D13 = (double)sim.p.D13[i];
+            double c_g = 0.4 * sqrt(1.8 / sim.p.rho[i]), old = before[sim.p.id[i]];
+            if (!(root > 0.0) || D13 >= root / cbrt(sim.p.flaw_count[i]) * (1.0 - 1e-5)) continue;
+            assert_near(D13 - old, dt * root * c_g / (supports[k] * (double)sim.p.h[i]),
+                        FINE(1e-9, 1e-3)); /* of a difference of two numbers up to 1 */
+            grew++;
+        }
+        assert_true(grew > 20);
+        sphpa_sim_free(&sim);
+        sphpa_particles_free(&p);
+    }
+}
+
+/* Particles that have less than `growth` to go to their cap do not limit the step, however fast they
+   would grow: those that have all flaws open are at it, or half of `growth` below. The others, with
+   one flaw open, do. */
+static void particles_at_their_cap_do_not_limit(void **state) {
+    (void)state;
+    sphpa_particles p = cube(6, 0.0);
+    scene_of s = rock();
+    s.cracks.growth = 0.05;
+    s.options.dt_growth = 1e9;
+    sphpa_sim sim;
+    start(&s, &p, &sim);
+    for (size_t i = 0; i < sim.p.n; i++) {
+        int kind = (int)(sim.p.id[i] % 3); /* at the cap, near it, far from it */
+        sim.p.n_act[i] = (sphpa_real)(kind == 2 ? 1.0 : (double)sim.p.flaw_count[i]);
+        sim.p.D13[i] = (sphpa_real)(kind == 2 ? 0.0 : 1.0 - 0.5 * kind * s.cracks.growth);
+    }
+    step(&sim, 1e-9);
+    double least = HUGE_VAL, others = HUGE_VAL;
+    for (size_t i = 0; i < sim.p.n; i++) {
+        double c_g = 0.4 * sqrt(1.8 / sim.p.rho[i]), root = cbrt((double)sim.p.n_act[i]);
+        double dt = s.cracks.growth * 2.0 * (double)sim.p.h[i] / (root * c_g);
+        if (sim.p.id[i] % 3 == 2) least = fmin(least, dt);
+        else others = fmin(others, dt);
+    }
+    assert_true(others < 0.7 * least);
+    assert_string_equal(sim.stats.limit[sim.stats.limit_last].name, "damage growth");
+    assert_near(sim.dt_next, least, FINE(1e-12, 4.0 * FLOAT_ROUNDING));
+    sphpa_sim_free(&sim);
+    sphpa_particles_free(&p);
+}
+
 static void order_of_adding_does_not_matter(void **state) {
     (void)state;
     double x[2][3];
@@ -840,6 +902,8 @@ int main(void) {
         cmocka_unit_test(torn_cube_conserves),
         cmocka_unit_test(compressed_agrees_with_all),
         cmocka_unit_test(damage_limits_the_step),
+        cmocka_unit_test(cracks_run_the_support),
+        cmocka_unit_test(particles_at_their_cap_do_not_limit),
         cmocka_unit_test(order_of_adding_does_not_matter),
         cmocka_unit_test(all_flaws_survive_a_restart),
         cmocka_unit_test(bad_input_is_named),

@@ -127,6 +127,19 @@ static void test_check(void **state) {
     body = basalt(1e-3);
     body.m = 0.01; /* thresholds near 1e-3260 */
     assert_int_equal(sphpa_flaw_check(&body, 1000, &err), SPHPA_ERROR_RANGE);
+    /* A particle's first flaw may come at any j = n t > 0: j = 1e-20 must still have a threshold
+       above DBL_MIN. With k V = 1e10 that is m = log(1e-30)/log(DBL_MIN) = 0.0975; j = 1 alone
+       would be content with a third of it. */
+    body.k = 1e13;
+    double least = log(1e-30) / log(DBL_MIN);
+    body.m = least * 1.001;
+    assert_int_equal(sphpa_flaw_check(&body, 1000, &err), SPHPA_OK);
+    assert_true(sphpa_flaw_threshold(&body, 1e-20) >= DBL_MIN);
+    body.m = least * 0.999;
+    assert_int_equal(sphpa_flaw_check(&body, 1000, &err), SPHPA_ERROR_RANGE);
+    body.m = 0.5 * least;
+    assert_int_equal(sphpa_flaw_check(&body, 1000, &err), SPHPA_ERROR_RANGE);
+    assert_true(sphpa_flaw_threshold(&body, 1.0) >= DBL_MIN);
     if (sizeof(size_t) > 4) {
         body = basalt(1e-3);
         size_t many = (size_t)0xffffffffu;

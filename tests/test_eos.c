@@ -202,6 +202,22 @@ static void floor_of_the_sound_speed(void **state) {
     assert_near(eval(&m, m.rho0, 0.0).c, sqrt(m.A / m.rho0), 1e-15);
 }
 
+/* Murnaghan's c^2 is K/rho0 (rho/rho0)^(n-1): 1/8 of K/rho0 at half the density with n = 4 */
+static void floor_of_murnaghans_sound_speed(void **state) {
+    (void)state;
+    sphpa_murnaghan m = {2700.0, 7e10, 4.0, 0.0};
+    const double floors[3] = {0.0, 0.1, 0.25}, shares[3] = {0.125, 0.125, 0.25};
+    sphpa_eos_point point;
+    for (int k = 0; k < 3; k++) {
+        m.c2_floor = floors[k];
+        assert_int_equal(sphpa_murnaghan_eval(&m, 0.5 * m.rho0, 0.0, &point), SPHPA_OK);
+        assert_near(point.c, sqrt(shares[k] * m.K / m.rho0), 1e-14);
+    }
+    m.c2_floor = 0.0; /* the default, where 1/1000 is left */
+    assert_int_equal(sphpa_murnaghan_eval(&m, 0.1 * m.rho0, 0.0, &point), SPHPA_OK);
+    assert_near(point.c, sqrt(0.01 * m.K / m.rho0), 1e-14);
+}
+
 /* P and dP/drho are continuous; dP/du jumps by (Pe - Pc)/(u_cv - u_iv) at the borders in u */
 static void borders_are_continuous(void **state) {
     (void)state;
@@ -659,6 +675,7 @@ int main(void) {
         cmocka_unit_test(derivatives_match_differences),
         cmocka_unit_test(sound_speed_is_the_slope_of_the_isentrope),
         cmocka_unit_test(floor_of_the_sound_speed),
+        cmocka_unit_test(floor_of_murnaghans_sound_speed),
         cmocka_unit_test(borders_are_continuous),
         cmocka_unit_test(cut_offs),
         cmocka_unit_test(zero_B_cures_the_torn_projectile),

@@ -955,6 +955,121 @@ static void test_trials_do_not_commit(void **state) {
     }
 }
 
+/* Every particle's L is given, and nothing moves; density, pressure and stress are the scene's. */
+enum { GIVEN = 125 };
+
+static sphpa_result given_gradients(sphpa_sim *sim, void *params, size_t first, size_t last,
+                                    size_t *bad) {
+    (void)bad;
+    for (size_t i = first; i < last; i++) {
+        const double *L = (const double *)params + 9 * sim->p.id[i];
+        for (size_t k = 0; k < 9; k++) sim->p.L[9 * i + k] = (sphpa_real)L[k];
+        sim->p.div_v[i] = (sphpa_real)(L[0] + L[4] + L[8]);
+    }
+    return SPHPA_OK;
+}
+
+static sphpa_module given_module(double *L) {
+    sphpa_module module = shake_module(NULL);
+    module.name = "given";
+    module.params = L;
+    module.columns = 0;
+    module.pass[0].particle = given_gradients;
+    module.pass[1].particle = shake_nothing;
+    module.pass[3].particle = shake_nothing;
+    return module;
+}
+
+/* a stress without trace, of size about 1 */
+static void any_deviator(sphpa_rng *rng, double S[9]) {
+    for (int a = 0; a < 3; a++)
+        for (int b = a; b < 3; b++)
+            S[3 * a + b] = S[3 * b + a] = 2.0 * sphpa_rng_uniform(rng) - 1.0;
+    double third = (S[0] + S[4] + S[8]) / 3.0;
+    for (int a = 0; a < 9; a += 4) S[a] -= third;
+}
+
+/* dS [Pa] of one short step that the deviator feels the share f of, by which alpha grew by `more` */
+static void change_by_hand(const double *S, const double *L, double dt, double G, double f,
+                           double alpha, double more, double out[9]) {
+    double third = (L[0] + L[4] + L[8]) / 3.0;
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) {
+            double turn = 0.0, e = 0.5 * (L[3 * a + b] + L[3 * b + a]) - (a == b ? third : 0.0);
+            for (int c = 0; c < 3; c++) {
+                double W_ac = 0.5 * (L[3 * a + c] - L[3 * c + a]);
+                double W_cb = 0.5 * (L[3 * c + b] - L[3 * b + c]);
+                turn += W_ac * S[3 * c + b] - S[3 * a + c] * W_cb;
+            }
+            out[3 * a + b] = dt * (f / alpha * 2.0 * G * e + turn) - S[3 * a + b] / alpha * more;
+        }
+}
+
+static const size_t given_at[6] = {0, 4, 8, 1, 5, 2}; /* xx yy zz xy yz xz */
+
+/* a stress and a gradient for every particle, of sizes G `size` dt and `size`; all of them close */
+static void give_any(setting *s, double size, double *L, double *S) {
+    sphpa_rng rng = sphpa_rng_seed(7, 1);
+    for (size_t i = 0; i < GIVEN; i++) {
+        double *own = S + 9 * s->sim.p.id[i], *l = L + 9 * s->sim.p.id[i];
+        any_deviator(&rng, own);
+        for (size_t k = 0; k < 9; k++) {
+            own[k] *= s->G * size * s->options.dt_fixed;
+            l[k] = size * (2.0 * sphpa_rng_uniform(&rng) - 1.0);
+        }
+        double more = (l[0] + l[4] + l[8]) / 3.0 + size;
+        for (size_t k = 0; k < 9; k += 4) l[k] -= more; /* of the trace -3 size */
+        for (size_t k = 0; k < 6; k++) s->sim.p.S[6 * i + k] = (sphpa_real)own[given_at[k]];
+    }
+}
+
+/* In any stress, strained and turned in any way while pores close: the sign of S:edot alone says
+   whether the deviator feels all of the strain or the matrix's share. */
+static void test_power_decides(void **state) {
+    (void)state;
+    setting s;
+    sphpa_error err;
+    double low[3] = {-1, -1, -1}, high[3] = {1, 1, 1}, L[9 * GIVEN], S[9 * GIVEN], before[2][GIVEN];
+    const double size = 0.1, dt = 1e-3; /* strains of 1e-4 */
+    prepare(&s, ALUMINIUM, SPHPA_CRUSH_FLAT);
+    s.G = 26.9e9;
+    sphpa_body body = body_of(&s);
+    body.spacing = 0.4;
+    ok(sphpa_make_begin(&s.initial, 3, &err), &err);
+    ok(sphpa_make_box(&s.initial, low, high, &body, &err), &err);
+    assert_int_equal(s.initial.n, GIVEN);
+    s.press = given_module(L);
+    s.press_first = 1;
+    s.options.dt_fixed = dt;
+    ok(create(&s, &err), &err);
+    for (int k = 0; k < 9 * GIVEN; k++) L[k] = k % 9 % 4 == 0 ? -2.0 : 0.0;
+    for (int k = 0; k < 20; k++) ok(sphpa_sim_step(&s.sim, HUGE_VAL, &err), &err);
+    give_any(&s, size, L, S);
+    for (size_t i = 0; i < GIVEN; i++) {
+        before[0][s.sim.p.id[i]] = s.sim.p.alpha[i];
+        before[1][s.sim.p.id[i]] = s.sim.p.rho[i];
+    }
+    ok(sphpa_sim_step(&s.sim, HUGE_VAL, &err), &err);
+    int loads = 0;
+    for (size_t i = 0; i < GIVEN; i++) {
+        size_t id = (size_t)s.sim.p.id[i];
+        const double *own = S + 9 * id;
+        double alpha = s.sim.p.alpha[i], power = 0.0, want[9];
+        double bulk = log(s.sim.p.rho[i] / before[1][id]);
+        double f = (bulk + log(alpha / before[0][id])) / bulk;
+        for (size_t k = 0; k < 9; k++) power += own[k] * L[9 * id + k];
+        assert_true(f < 0.7 && f >= 0.0);
+        loads += power >= 0.0;
+        change_by_hand(own, L + 9 * id, dt, s.G, power >= 0.0 ? f : 1.0, alpha,
+                       alpha - before[0][id], want);
+        for (size_t k = 0; k < 6; k++)
+            assert_near_abs((double)s.sim.p.S[6 * i + k] - own[given_at[k]], want[given_at[k]],
+                            1e-3 * s.G * size * dt);
+    }
+    assert_true(loads > 30 && loads < 95);
+    end(&s);
+}
+
 /* ---- restart and wrong setups --------------------------------------------------------------- */
 
 typedef struct box_of_bytes {
@@ -1107,6 +1222,7 @@ int main(void) {
         cmocka_unit_test(test_deviator_unloads),
         cmocka_unit_test(test_refresh_keeps_the_wave),
         cmocka_unit_test(test_trials_do_not_commit),
+        cmocka_unit_test(test_power_decides),
         cmocka_unit_test(test_restart),
         cmocka_unit_test(test_wrong_setups),
     };

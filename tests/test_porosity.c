@@ -1061,6 +1061,29 @@ static void test_batch(void **unused) {
                      SPHPA_ERROR_MISSING);
 }
 
+/* c of the matrix has the floor that the material asks for, of A/rho0; without heat, at eta < 1,
+   c^2 is (A + 2 B mu)/rho0 + (a + b) P/rho, P = A mu + B mu^2 */
+static void test_sound_floor(void **unused) {
+    (void)unused;
+    sphpa_tillotson mat = material("aluminium");
+    sphpa_crush curve = sphpa_crush_porous_aluminium();
+    const double mu = -0.1, floors[3] = {0.0, 0.3, 0.95};
+    mat.zero_B_expanded = 0;
+    double share = 1.0 + 2.0 * mat.B / mat.A * mu +
+                   (mat.a + mat.b) * (mu + mat.B / mat.A * mu * mu) / (1.0 + mu);
+    double rho = (1.0 + mu) * mat.rho0 / curve.alpha0;
+    assert_true(share > 0.3 && share < 0.95);
+    for (int v = 0; v < (int)SPHPA_PALPHA_SOLVER_COUNT; v++)
+        for (int k = 0; k < 3; k++) {
+            sphpa_palpha_solution s;
+            mat.c2_floor = floors[k];
+            assert_int_equal(sphpa_palpha_solve((sphpa_palpha_solver)v, &mat, &curve, rho, 0.0,
+                                                curve.alpha0, NULL, &s), SPHPA_OK);
+            assert_near(s.alpha, curve.alpha0, 1e-15);
+            assert_near(s.c, sqrt(fmax(share, floors[k]) * mat.A / mat.rho0), 1e-12);
+        }
+}
+
 /* ---- along the loading path ------------------------------------------------------------------ */
 
 /* the implicit state after an adiabatic compression from rest to rho, in small exact steps: u from
@@ -1243,6 +1266,40 @@ static void test_hugoniot(void **unused) {
     assert_memory_equal(&s, &before, sizeof s);
 }
 
+/* The piston speed at which one shock into the material at rest runs at exactly the precursor's
+   speed U: then both waves and the one lie on the same line P = rho U v. Slower, it is overtaken. */
+static double swallowing_piston(const sphpa_tillotson *mat, const sphpa_crush *c, double U) {
+    double rho = mat->rho0 / c->alpha0, low = 500.0, high = 3000.0;
+    for (int k = 0; k < 60; k++) {
+        double v = 0.5 * (low + high);
+        ref_state ref = ref_make(mat, c, rho * U / (U - v), 0.5 * v * v, c->alpha0);
+        if ((double)ref_P(&ref, ref_solve(&ref)) < rho * U * v) low = v;
+        else high = v;
+    }
+    return 0.5 * (low + high);
+}
+
+/* The main shock is behind the precursor in the laboratory; through what the precursor has set in
+   motion it runs at less than that speed, by the motion's 7 m/s. */
+static void test_swallowed_precursor(void **unused) {
+    (void)unused;
+    sphpa_tillotson mat = material("aluminium");
+    sphpa_crush flat = sphpa_crush_porous_aluminium();
+    sphpa_palpha_shock below, above;
+    check_shock(&mat, &flat, 1000.0, &below);
+    double U = below.precursor_speed, v = swallowing_piston(&mat, &flat, U);
+    assert_true(v > 1500.0 && v < 1700.0);
+    check_shock(&mat, &flat, v * (1.0 - 1e-7), &below);
+    check_shock(&mat, &flat, v * (1.0 + 1e-7), &above);
+    assert_int_equal(below.waves, 2);
+    assert_int_equal(above.waves, 1);
+    assert_true(above.precursor_speed == 0.0 && above.speed > U && below.speed < U);
+    assert_near(below.speed, U, 1e-6); /* and nothing jumps where one becomes the other */
+    assert_near(above.speed, U, 1e-6);
+    assert_near(below.P, above.P, 1e-6);
+    assert_near(below.u, above.u, 1e-6);
+}
+
 /* pumice at 100 m/s: the quadratic curve with the same Pe and Ps gives about 2.7 times the pressure
    (2.62 behind the precursor, 2.75 for one wave into the material at rest) */
 static void test_hugoniot_pumice(void **unused) {
@@ -1283,9 +1340,11 @@ int main(void) {
         cmocka_unit_test(test_errors),
         cmocka_unit_test(test_any_eos),
         cmocka_unit_test(test_batch),
+        cmocka_unit_test(test_sound_floor),
         cmocka_unit_test(test_loading_derivatives),
         cmocka_unit_test(test_evolution),
         cmocka_unit_test(test_hugoniot),
+        cmocka_unit_test(test_swallowed_precursor),
         cmocka_unit_test(test_hugoniot_pumice),
     };
     return cmocka_run_group_tests_name("porosity", tests, NULL, NULL);

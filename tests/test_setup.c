@@ -401,12 +401,15 @@ static void rotations_are_uniform(void **state) {
     static const uint64_t seeds = 20000;
     const double share = 1.0 / 20000.0; /* of one seed */
     double mean[9] = {0}, square[9][9] = {{0}}, angle = 0.0, angle2 = 0.0;
+    double moved[3] = {0}, moved2[3][3] = {{0}};
     for (uint64_t seed = 1; seed <= seeds; seed++) {
         double turn[3][3], shift[3], flat[9];
         sphpa_make_turn_(3, seed, turn, shift);
         memcpy(flat, turn, sizeof flat);
         for (int a = 0; a < 3; a++) {
             assert_true(shift[a] >= 0.0 && shift[a] < 1.0);
+            moved[a] += shift[a] * share;
+            for (int b = 0; b < 3; b++) moved2[a][b] += shift[a] * shift[b] * share;
             for (int b = 0; b < 3; b++) {
                 double dot = 0.0;
                 for (int k = 0; k < 3; k++) dot += turn[k][a] * turn[k][b];
@@ -434,6 +437,36 @@ static void rotations_are_uniform(void **state) {
     double variance = PI * PI / 12.0 - 4.0 / (PI * PI);
     assert_near_abs(angle, PI / 2.0 + 2.0 / PI, 5.0 * sqrt(variance * share));
     assert_near(angle2 - angle * angle, variance, 0.05);
+    for (int a = 0; a < 3; a++) { /* the shift is uniform in [0, 1)^3 */
+        assert_near_abs(moved[a], 0.5, 5.0 * sqrt(share / 12.0));
+        for (int b = 0; b < 3; b++) /* of x^2 and of x y: 4/45 and 7/144 are the variances */
+            assert_near_abs(moved2[a][b], a == b ? 1.0 / 3.0 : 0.25,
+                            5.0 * sqrt((a == b ? 4.0 / 45.0 : 7.0 / 144.0) * share));
+    }
+}
+
+/* A turned lattice lies anywhere under the body's centre: around it the nearest particle is within r
+   with the odds that a ball of r has of holding a point, which is its volume over a cell's (3), up
+   to r = spacing/2, where balls around the points touch. */
+static void shifts_reach_the_whole_cell(void **state) {
+    (void)state;
+    enum { SEEDS = 1500 };
+    for (int dim = 2; dim <= 3; dim++) {
+        double cell = dim == 2 ? sqrt(0.75) : sqrt(0.5), below[2] = {0.0, 0.0};
+        for (uint64_t seed = 1; seed <= SEEDS; seed++) {
+            sphpa_particles p = sphere(dim, origin, 1.5,
+                                       body_with_spacing(1.0, SPHPA_LATTICE_HEXAGONAL, seed));
+            double least = HUGE_VAL;
+            for (size_t i = 0; i < p.n; i++)
+                least = fmin(least, distance(p.x + 3 * i, origin));
+            below[0] += least < 0.3, below[1] += least < 0.5;
+            sphpa_particles_free(&p);
+        }
+        for (int k = 0; k < 2; k++) {
+            double odds = ball_volume(dim, k ? 0.5 : 0.3) / cell;
+            assert_near_abs(below[k] / SEEDS, odds, 5.0 * sqrt(odds * (1.0 - odds) / SEEDS));
+        }
+    }
 }
 
 static void flat_rotations_are_uniform(void **state) {
@@ -918,6 +951,7 @@ int main(void) {
         cmocka_unit_test(boxes_tile),
         cmocka_unit_test(box_edges_are_divided),
         cmocka_unit_test(rotations_are_uniform),
+        cmocka_unit_test(shifts_reach_the_whole_cell),
         cmocka_unit_test(flat_rotations_are_uniform),
         cmocka_unit_test(bonds_follow_the_rotation),
         cmocka_unit_test(equal_seeds_make_equal_bits),

@@ -592,6 +592,35 @@ static void test_open_box_and_defaults(void **state) {
     world_free(w);
 }
 
+/* other tools know boxes that wrap on all axes or none: one that is periodic along some is told as
+   open, though its sides along those are the period */
+static void test_partly_periodic_box(void **state) {
+    (void)state;
+    for (int axis = 0; axis < 2; axis++) {
+        world *w = world_new(2, 10);
+        sphpa_error err;
+        w->options.box.periodic[axis] = 0;
+        w->options.box.low[axis] = w->options.box.high[axis] = 0.0;
+        world_make(w);
+        double low = 0.0, high = 0.0;
+        for (size_t i = 0; i < w->sim.p.n; i++) {
+            double x = w->sim.p.x[3 * i + (size_t)axis], reach = 2.0 * (double)w->sim.p.h[i];
+            low = fmin(low, x - reach);
+            high = fmax(high, x + reach);
+        }
+        assert_true(high - low > 2.0);
+        double box[3] = {2.0, 2.0, high - low};
+        box[axis] = high - low;
+        assert_int_equal(sphpa_snapshot_write(&w->sim, at("partly.hdf"), NULL, &err), SPHPA_OK);
+        hid_t file = H5Fopen(at("partly.hdf"), H5F_ACC_RDONLY, H5P_DEFAULT);
+        numbers_are(file, "/Header", "BoxSize", H5T_IEEE_F64LE, 3, box);
+        string_is(file, "/Parameters", "InitialConditions:periodic", "0");
+        number_is(file, "/RuntimePars", "PeriodicBoundariesOn", H5T_STD_I32LE, 0);
+        H5Fclose(file);
+        world_free(w);
+    }
+}
+
 /* ---- restart --------------------------------------------------------------------------------- */
 
 /* stopped at 20 and resumed, from the same and from other particles: the bits of the one that
@@ -680,6 +709,54 @@ static void test_restart_with_smaller_steps(void **state) {
     world_free(b);
     world_free(c);
     world_free(d);
+}
+
+/* as little as the stricter of both limits asks; a larger one waits for the step's end */
+static void test_restart_with_other_limits(void **state) {
+    (void)state;
+    static const double cfl[5] = {0.0, 0.0, 0.6, 0.15, 0.1};
+    static const double force_cfl[5] = {0.1, 0.4, 0.05, 0.05, 0.19};
+    static const double share[5] = {0.5, 1.0, 0.25, 0.25, 1.0 / 3.0}; /* of 0.3 and of 0.2 */
+    world *a = world_new(2, 10);
+    sphpa_error err;
+    world_make(a);
+    steps(&a->sim, 3);
+    assert_int_equal(sphpa_checkpoint_write(&a->sim, at("limits.hdf"), NULL, &err), SPHPA_OK);
+    for (int k = 0; k < 5; k++) {
+        world *b = world_new(2, 10);
+        b->options.cfl = cfl[k];
+        b->options.force_cfl = force_cfl[k];
+        world_make(b);
+        assert_int_equal(sphpa_checkpoint_read(&b->sim, at("limits.hdf"), &err), SPHPA_OK);
+        assert_near(b->sim.dt_next, share[k] * a->sim.dt_next, 1e-15);
+        world_free(b);
+    }
+    world_free(a);
+}
+
+/* What an output has put aside to give back before the next step is of the state that was: a
+   restart in between, of the same particles in the same order, must not get it. */
+static void test_restart_after_an_output(void **state) {
+    (void)state;
+    world *w[2];
+    sphpa_error err;
+    for (int k = 0; k < 2; k++) {
+        w[k] = world_new(2, 14);
+        world_make(w[k]);
+    }
+    steps(&w[0]->sim, 5);
+    assert_int_equal(sphpa_checkpoint_write(&w[0]->sim, at("output.hdf"), NULL, &err), SPHPA_OK);
+    assert_int_equal(sphpa_sim_step(&w[0]->sim, 1e-3, &err), SPHPA_OK);
+    assert_int_equal(sphpa_sim_refresh(&w[0]->sim, &err), SPHPA_OK);
+    int64_t order[196];
+    assert_int_equal(w[0]->sim.p.n, 196);
+    memcpy(order, w[0]->sim.p.id, sizeof order);
+    for (int k = 0; k < 2; k++)
+        assert_int_equal(sphpa_checkpoint_read(&w[k]->sim, at("output.hdf"), &err), SPHPA_OK);
+    assert_memory_equal(order, w[0]->sim.p.id, sizeof order);
+    for (int k = 0; k < 2; k++) steps(&w[k]->sim, 1);
+    assert_same_bits(&w[0]->sim, &w[1]->sim);
+    for (int k = 0; k < 2; k++) world_free(w[k]);
 }
 
 static void test_blobs(void **state) {
@@ -1293,9 +1370,12 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_layout),
         cmocka_unit_test(test_open_box_and_defaults),
+        cmocka_unit_test(test_partly_periodic_box),
         cmocka_unit_test(test_restart),
         cmocka_unit_test(test_restart_of_anything),
         cmocka_unit_test(test_restart_with_smaller_steps),
+        cmocka_unit_test(test_restart_with_other_limits),
+        cmocka_unit_test(test_restart_after_an_output),
         cmocka_unit_test(test_blobs),
         cmocka_unit_test(test_snapshot_as_start),
         cmocka_unit_test(test_foreign_units),

@@ -334,6 +334,67 @@ static void correction_is_the_inverse(void **state) {
     sphpa_particles_free(&p);
 }
 
+/* C from its documented blend: the inverse of M where det(s C) is below 5, I/s from 8 on; the
+   inverse where neighbours are 5 (2-D) or 10 (3-D), I/s where they are 3 or 6;
+   s = max(1, tr M/dim) */
+static double blend_by_hand(const double M[9], double det, int count, int dim, double C[6]) {
+    static const double few[4] = {0.0, 0.0, 3.0, 6.0}, enough[4] = {1.0, 1.0, 5.0, 10.0};
+    static const int row[6] = {0, 1, 2, 0, 1, 0}, column[6] = {0, 1, 2, 1, 2, 2};
+    double trace = M[0] + (dim > 1 ? M[4] : 0.0) + (dim > 2 ? M[8] : 0.0);
+    double s = fmax(1.0, trace / dim), share = 0.0;
+    if (det > 0.0)
+        share = fmin(1.0, fmax(0.0, (8.0 - pow(s, dim) / det) / 3.0)) *
+                fmin(1.0, fmax(0.0, (count - few[dim]) / (enough[dim] - few[dim])));
+    for (int k = 0; k < 6; k++) {
+        int a = row[k], b = column[k], c = (a + 1) % 3, d = (a + 2) % 3, e = (b + 1) % 3,
+            f = (b + 2) % 3;
+        double cofactor = M[3 * c + e] * M[3 * d + f] - M[3 * c + f] * M[3 * d + e];
+        C[k] = (share > 0.0 ? share * cofactor / det : 0.0) + (a == b ? (1.0 - share) / s : 0.0);
+    }
+    return share;
+}
+
+/* a cloud that thins outwards along x, of any masses, half of it pressed together along y:
+   particles with few neighbours, and with many in a row */
+static void correction_is_blended(void **state) {
+    (void)state;
+    for (int dim = 2; dim <= 3; dim++) {
+        sphpa_particles p = set_of(dim);
+        sphpa_body body = body_of(dim == 3 ? 0.17 : 0.04);
+        sphpa_rng rng = sphpa_rng_seed(17, 2);
+        add_ball(&p, 0.0, 0.0, 1.0, &body);
+        jitter(&p, 0.3, 9);
+        for (size_t i = 0; i < p.n; i++) {
+            double *x = p.x + 3 * i, r2 = x[0] * x[0] + x[1] * x[1] + x[2] * x[2];
+            x[0] *= 1.0 + 1.8 * r2;
+            x[1] *= p.id[i] % 2 ? 1.0 + 0.5 * r2 : 1.0 / (1.0 + r2);
+            p.m[i] *= (sphpa_real)(1.0 + 9.0 * sphpa_rng_uniform(&rng));
+        }
+        scene_of s = elastic(0.5);
+        sphpa_sim sim;
+        sphpa_error err;
+        start(&s, &p, &sim);
+        ok(sphpa_sim_refresh(&sim, &err), &err);
+        int thin = 0, lopsided = 0;
+        for (size_t i = 0; i < sim.p.n; i++) {
+            double M[9], C[6];
+            int count;
+            double det = moment(&sim.p, i, M, &count), share = blend_by_hand(M, det, count, dim, C);
+            for (int k = 0; k < 6; k++)
+                assert_near_abs((double)sim.p.C[6 * i + (size_t)k], C[k],
+                                FINE(1e-11, 16.0 * FLOAT_ROUNDING));
+            bool full = count >= (dim == 3 ? 10 : 5);
+            lopsided += full && share > 0.02 && share < 0.98;
+            thin += !full && share > 0.02 && share < 0.98;
+        }
+        print_message("# C blended in %d-D: %d lopsided, %d with few neighbours\n", dim, lopsided,
+                      thin);
+        assert_true(lopsided > 10 && thin > 10);
+        sphpa_sim_free(&sim);
+        sphpa_particles_free(&p);
+    }
+}
+
 /* ---- homogeneous flows: density, smoothing length, stress --------------------------------------- */
 
 /* v = -x/4 for all: after t = 1 every length is 3/4; density is mass over volume */
@@ -1302,6 +1363,32 @@ static void heat_limits_the_step(void **state) {
     sphpa_particles_free(&p);
 }
 
+/* u a little below 0 limits it as u = 0 does, not the more the nearer it comes to -K/(100 rho0) */
+static void heat_below_zero_limits_as_none(void **state) {
+    (void)state;
+    const double L[9] = {-0.8, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    sphpa_particles p = set_of(2);
+    sphpa_body body = body_of(0.2);
+    body.rho = 1.3;
+    add_ball(&p, 0.0, 0.0, 1.0, &body);
+    set_linear_velocity(&p, L);
+    scene_of s = elastic(0.5);
+    s.options.dt_growth = 1e9;
+    sphpa_sim sim;
+    start(&s, &p, &sim);
+    for (size_t i = 0; i < sim.p.n; i++) sim.p.u[i] = -0.008;
+    step(&sim, 1e-6);
+    double least = HUGE_VAL;
+    for (size_t i = 0; i < sim.p.n; i++) {
+        assert_near(sim.p.u[i], -0.008, 1e-3);
+        least = fmin(least, 0.1 * 0.01 / fabs((double)sim.p.du[i]));
+    }
+    assert_string_equal(sim.stats.limit[sim.stats.limit_last].name, "energy change");
+    assert_near(sim.dt_next, least, 1e-12);
+    sphpa_sim_free(&sim);
+    sphpa_particles_free(&p);
+}
+
 static void limits_by_name(void **state) {
     (void)state;
     scene_of s = elastic(0.5);
@@ -1583,6 +1670,7 @@ int main(void) {
         cmocka_unit_test(linear_velocity_is_exact),
         cmocka_unit_test(thin_particle_is_not_torn_further),
         cmocka_unit_test(correction_is_the_inverse),
+        cmocka_unit_test(correction_is_blended),
         cmocka_unit_test(density_is_mass_over_volume),
         cmocka_unit_test(shear_follows_jaumann),
         cmocka_unit_test(wave_speeds),
@@ -1600,6 +1688,7 @@ int main(void) {
         cmocka_unit_test(noise_does_not_grow),
         cmocka_unit_test(limits_by_name),
         cmocka_unit_test(heat_limits_the_step),
+        cmocka_unit_test(heat_below_zero_limits_as_none),
         cmocka_unit_test(smoothing_length_stays_in_its_range),
         cmocka_unit_test(bad_input_is_named),
         cmocka_unit_test(bad_numbers_are_named),

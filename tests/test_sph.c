@@ -943,6 +943,30 @@ static sphpa_scene limit_scene(limiter *l) {
     return scene_of(module);
 }
 
+/* a step is at most dt_growth times the one before, by default 1.25 times */
+static void steps_grow_by_a_quarter(void **state) {
+    (void)state;
+    static const double given[3] = {0.0, 1.25, 2.0}, factor[3] = {1.25, 1.25, 2.0};
+    for (int k = 0; k < 3; k++) {
+        limiter l = {1e3, 0.125, 3};
+        sphpa_scene scene = limit_scene(&l);
+        sphpa_particles p = random_set(1, 50, 1e-3, 1);
+        memset(p.v, 0, 3 * p.n * sizeof(sphpa_real));
+        sphpa_sim_options options = options_of(0.0);
+        options.dt_growth = given[k];
+        sphpa_sim *sim = sim_of(&scene, &p, &options);
+        sim_steps(sim, 1);
+        l.special = 1e3; /* set free from the step after the next on */
+        sim_steps(sim, 1);
+        for (int n = 1; n < 6; n++) {
+            sim_steps(sim, 1);
+            assert_near(sim->dt, 0.125 * pow(factor[k], n), 1e-14);
+        }
+        sim_drop(sim);
+        sphpa_particles_free(&p);
+    }
+}
+
 static void limits_are_told_by_name(void **state) {
     (void)state;
     limiter l = {1.0, 0.25, 700};
@@ -1658,6 +1682,7 @@ int main(void) {
         cmocka_unit_test(only_marked_passes_run_at_commit),
         cmocka_unit_test(refused_modules_are_told),
         cmocka_unit_test(limits_are_told_by_name),
+        cmocka_unit_test(steps_grow_by_a_quarter),
         cmocka_unit_test(the_force_limits_the_step),
         cmocka_unit_test(bad_limits_and_the_floor_stop_the_run),
         cmocka_unit_test(outputs_come_at_their_times),
