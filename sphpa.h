@@ -4830,7 +4830,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_flaw_check_value_(const char *name, const char
                                "Weibull flaws: %s is %g; give a finite number", name, value);
     if (!(value > 0.0))
         return sphpa_error_set(err, SPHPA_ERROR_NEGATIVE,
-                               "Weibull flaws: %s = %g %s; give a value above 0", name, value,
+                               "Weibull flaws: %s = %g%s; give a value above 0", name, value,
                                unit);
     return SPHPA_OK;
 }
@@ -4840,10 +4840,10 @@ SPHPA_DEF sphpa_result sphpa_flaw_check(const sphpa_flaw_params *params, size_t 
     if (params == NULL)
         return sphpa_error_set(err, SPHPA_ERROR_MISSING,
                                "Weibull flaws: no parameters; give k, m and the solid's volume");
-    sphpa_result result = sphpa_flaw_check_value_("k", "m^-3", params->k, err);
+    sphpa_result result = sphpa_flaw_check_value_("k", " m^-3", params->k, err);
     if (result == SPHPA_OK) result = sphpa_flaw_check_value_("m", "", params->m, err);
     if (result == SPHPA_OK)
-        result = sphpa_flaw_check_value_("the solid's volume", "m^3", params->volume, err);
+        result = sphpa_flaw_check_value_("the solid's volume", " m^3", params->volume, err);
     if (result != SPHPA_OK) return result;
     if (n == 0)
         return sphpa_error_set(err, SPHPA_ERROR_EMPTY,
@@ -7948,8 +7948,10 @@ SPHPA_PRIVATE_ sphpa_result sphpa_materials_check_(const sphpa_sim *sim, const c
                                                    int materials, sphpa_error *err) {
     for (size_t i = 0; i < sim->p.n; i++)
         if (sim->p.material[i] < 0 || sim->p.material[i] >= materials)
-            return sphpa_error_set(err, SPHPA_ERROR_RANGE, "%s: particle %zu has material %d of %d",
-                                   module, i, (int)sim->p.material[i], materials);
+            return sphpa_error_set(err, SPHPA_ERROR_RANGE,
+                                   "%s: particle %zu has material %d of %d, which are 0 to %d; set "
+                                   "its material, or give more", module, i,
+                                   (int)sim->p.material[i], materials, materials - 1);
     return SPHPA_OK;
 }
 
@@ -7997,6 +7999,12 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_allocate_(sphpa_sim *sim, const sphpa_part
     if (result == SPHPA_OK) result = sphpa_particles_append(&sim->p, initial, err);
     if (result == SPHPA_OK && sim->p.alpha != NULL && initial->alpha == NULL)
         for (size_t i = 0; i < sim->p.n; i++) sim->p.alpha[i] = 1.0;
+    for (size_t i = 0; i < initial->n && initial->alpha != NULL && sim->p.alpha == NULL; i++)
+        if (initial->alpha[i] > 1.0 && result == SPHPA_OK)
+            result = sphpa_error_set(err, SPHPA_ERROR_ALPHA,
+                                     "particle %zu has alpha = %g, but no module of the scene knows "
+                                     "pores; add sphpa_pores(), or make it with alpha = 1", i,
+                                     initial->alpha[i]);
     return result;
 }
 
@@ -9161,6 +9169,21 @@ SPHPA_PRIVATE_ sphpa_result sphpa_solid_setup_(sphpa_sim *sim, void *params, sph
     return SPHPA_OK;
 }
 
+/* the scene has the solid that a module goes with; `solid` NULL: any */
+SPHPA_PRIVATE_ sphpa_result sphpa_solid_check_there_(const sphpa_sim *sim, const char *module,
+                                                     const sphpa_solid_params *solid,
+                                                     sphpa_error *err) {
+    for (int m = 0; m < sim->scene.modules; m++) {
+        const sphpa_module *other = &sim->scene.module[m];
+        bool same = solid == NULL ? strcmp(other->name, "solid") == 0
+                                  : other->params == (const void *)solid;
+        if (same && (solid == NULL || solid->material != NULL)) return SPHPA_OK;
+    }
+    return sphpa_error_set(err, SPHPA_ERROR_MISSING,
+                           "%s: the scene has no sphpa_solid()%s; add it, with its materials",
+                           module, solid == NULL ? "" : " of these solid parameters");
+}
+
 SPHPA_PRIVATE_ sphpa_result sphpa_solid_check_all_(const sphpa_sim *sim, const void *params,
                                                    sphpa_error *err) {
     return sphpa_materials_check_(sim, "solid", ((const sphpa_solid_params *)params)->materials,
@@ -9412,7 +9435,9 @@ SPHPA_PRIVATE_ sphpa_result sphpa_pores_check_material_(const sphpa_pores_params
     if (result != SPHPA_OK) return result;
     if (matrix == NULL)
         return sphpa_error_set(err, SPHPA_ERROR_MISSING,
-                               "pores: material %d has a crush curve but no matrix", k);
+                               "pores: material %d has a crush curve but no matrix; set matrix[%d] "
+                               "(sphpa_tillotson_find gives NULL for a name it does not know)", k,
+                               k);
     result = sphpa_tillotson_check(matrix, err);
     if (result != SPHPA_OK) return result;
     double rho0 = pores->solid->material[k].eos.rho0;
@@ -9433,6 +9458,22 @@ SPHPA_PRIVATE_ sphpa_result sphpa_pores_check_material_(const sphpa_pores_params
                                  "pores: solver %d, tol = %g, max_iterations = %d: %s; zeros are "
                                  "the defaults", (int)pores->solver, pores->options.tol,
                                  pores->options.max_iterations, sphpa_result_message(result));
+}
+
+/* three times the matrix's density at rest: rho is likely the matrix's, where the bulk's is wanted */
+SPHPA_PRIVATE_ sphpa_result sphpa_pores_check_rho_(const sphpa_sim *sim,
+                                                   const sphpa_pores_params *pores, int k,
+                                                   sphpa_error *err) {
+    double rho0 = pores->matrix[k]->rho0;
+    for (size_t i = 0; i < sim->p.n; i++) {
+        double alpha = sim->p.alpha[i], rho = sim->p.rho[i];
+        if (sim->p.material[i] != k || sim->p.u[i] > 0.0 || !(alpha * rho > 3.0 * rho0)) continue;
+        return sphpa_error_set(err, SPHPA_ERROR_ALPHA,
+                               "pores: particle %zu has rho = %g and alpha = %g, a matrix of %g "
+                               "kg/m3 where %g is its density at rest; rho is the bulk's (here %g)",
+                               i, rho, alpha, alpha * rho, rho0, rho0 / alpha);
+    }
+    return SPHPA_OK;
 }
 
 /* material k at rest, below the matrix's density and without a single pore: alpha was forgotten */
@@ -9470,17 +9511,13 @@ SPHPA_PRIVATE_ sphpa_result sphpa_pores_setup_(sphpa_sim *sim, void *params, sph
     memset(&pores->stats, 0, sizeof pores->stats);
     if (pores->solid == NULL || pores->crush == NULL || pores->matrix == NULL)
         return sphpa_error_set(err, SPHPA_ERROR_MISSING, "pores: set solid, crush and matrix");
-    bool there = false;
-    for (int m = 0; m < sim->scene.modules; m++)
-        there = there || sim->scene.module[m].params == (const void *)pores->solid;
-    if (!there || pores->solid->material == NULL)
-        return sphpa_error_set(err, SPHPA_ERROR_MISSING,
-                               "pores: the scene has no sphpa_solid() of these solid parameters; "
-                               "add it, with its materials");
+    sphpa_result there = sphpa_solid_check_there_(sim, "pores", pores->solid, err);
+    if (there != SPHPA_OK) return there;
     for (int k = 0; k < pores->solid->materials; k++) {
         if (!sphpa_pores_porous_(pores, k)) continue;
         sphpa_result result = sphpa_pores_check_material_(pores, k, err);
         if (result == SPHPA_OK) result = sphpa_pores_check_alpha_(sim, pores, k, err);
+        if (result == SPHPA_OK) result = sphpa_pores_check_rho_(sim, pores, k, err);
         if (result != SPHPA_OK) return result;
     }
     if (sim->p.alpha_min != NULL) /* those of a restart stay */
@@ -9596,6 +9633,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_plastic_setup_(sphpa_sim *sim, void *params, s
     const sphpa_plastic_params *plastic = (const sphpa_plastic_params *)params;
     if (plastic->yield == NULL || plastic->materials < 1)
         return sphpa_error_set(err, SPHPA_ERROR_MISSING, "plastic: set yield and materials");
+    sphpa_result there = sphpa_solid_check_there_(sim, "plastic", NULL, err);
+    if (there != SPHPA_OK) return there;
     for (int k = 0; k < plastic->materials; k++) {
         sphpa_result result = sphpa_yield_check(&plastic->yield[k], err);
         if (result != SPHPA_OK) return result;
@@ -9802,6 +9841,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_cracks_setup_(sphpa_sim *sim, void *params, sp
     cracks->pool_count = 0;
     if (cracks->solid == NULL || cracks->material == NULL)
         return sphpa_error_set(err, SPHPA_ERROR_MISSING, "cracks: set solid and material");
+    sphpa_result there = sphpa_solid_check_there_(sim, "cracks", cracks->solid, err);
+    if (there != SPHPA_OK) return there;
     if (cracks->keep_all && cracks->sampled)
         return sphpa_error_set(err, SPHPA_ERROR_RANGE,
                                "cracks: keep_all and sampled exclude each other; choose one");

@@ -812,6 +812,9 @@ static int impact_single(const impact_settings *s, const impact_options *o) {
     impact_print(run, report);
     impact_draw(run->out, &run->history, run->sim.p.n, &run->s, fragments);
     if (o->compare && (s->correction || s->balsara)) impact_compare(run, report);
+    else if (impact_there(run->out, "beside.png"))
+        fprintf(stderr, "%s/beside.png is of an earlier run; remove it, or choose another --out\n",
+                run->out);
     free(report);
     impact_free(run);
     return 0;

@@ -252,6 +252,9 @@ else
     [ -f "$work/new/impact_0022.hdf" ] || failed "a later --t-end does not go on"
     run --out "$work/new"
     shows "$work/stderr" "holds a longer run: its outputs from number 21 on" "a shorter run into the same folder"
+    touch "$work/new/beside.png"
+    run --out "$work/new" --compare off
+    shows "$work/stderr" "beside.png is of an earlier run" "a picture of an earlier run"
 fi
 [ -n "$no_h5py" ] && skip "the bits of snapshots and checkpoints" "no h5py: only logs and tables were compared"
 

@@ -861,6 +861,15 @@ static void bad_input_is_named(void **state) {
     scene_of s = rock();
     s.cracks.keep_all = s.cracks.sampled = 1;
     assert_int_equal(create(&s, &p, &sim, &err), SPHPA_ERROR_RANGE);
+    sphpa_scene alone;
+    memset(&alone, 0, sizeof alone);
+    s = rock();
+    s.solid.material = s.material;
+    s.cracks.solid = &s.solid;
+    s.cracks.material = s.flaws;
+    assert_int_equal(sphpa_scene_add(&alone, sphpa_cracks(&s.cracks)), SPHPA_OK);
+    assert_int_equal(sphpa_sim_create(&sim, &alone, &p, NULL, &err), SPHPA_ERROR_MISSING);
+    assert_non_null(strstr(err.message, "cracks: the scene has no sphpa_solid()"));
     s = rock();
     s.material[0].G = 0.0;
     assert_int_equal(create(&s, &p, &sim, &err), SPHPA_ERROR_MATERIAL);

@@ -432,6 +432,11 @@ static void bad_input_is_named(void **state) {
     s.yield.kind = SPHPA_YIELD_VON_MISES;
     s.plastic.materials = 0;
     assert_int_equal(sphpa_sim_create(&sim, &scene, &p, NULL, &err), SPHPA_ERROR_MISSING);
+    s.plastic.materials = 1; /* alone, it would let everything fly on */
+    memset(&scene, 0, sizeof scene);
+    assert_int_equal(sphpa_scene_add(&scene, sphpa_plastic(&s.plastic)), SPHPA_OK);
+    assert_int_equal(sphpa_sim_create(&sim, &scene, &p, NULL, &err), SPHPA_ERROR_MISSING);
+    assert_non_null(strstr(err.message, "plastic: the scene has no sphpa_solid()"));
     sphpa_particles_free(&p);
 }
 

@@ -1136,7 +1136,7 @@ static void test_restart(void **state) {
 enum {
     NO_SOLID, NO_CRUSH, NO_MATRIX, NULL_MATRIX, INVERTED, PE_ABOVE_PS, NOT_PREPARED, NO_SUCH_SOLVER,
     BAD_TOL, FORGOTTEN, TOO_POROUS, BELOW_ONE, BAD_MATERIAL, OTHER_RHO0, OTHER_SOLID, NAN_CURVE,
-    MISTAKES
+    NO_PORES, RHO_OF_MATRIX, MISTAKES
 };
 
 static const struct {
@@ -1151,6 +1151,7 @@ static const struct {
     {SPHPA_ERROR_ALPHA, "above alpha0"},    {SPHPA_ERROR_ALPHA, "at least 1"},
     {SPHPA_ERROR_RANGE, "material 3 of 1"}, {SPHPA_ERROR_MATERIAL, "rho0"},
     {SPHPA_ERROR_MISSING, "sphpa_solid"},   {SPHPA_ERROR_NOT_FINITE, "Ps"},
+    {SPHPA_ERROR_ALPHA, "add sphpa_pores()"}, {SPHPA_ERROR_ALPHA, "rho is the bulk's"},
 };
 
 static void make_mistake(setting *s, int kind) {
@@ -1165,6 +1166,10 @@ static void make_mistake(setting *s, int kind) {
     case NO_SUCH_SOLVER: s->pores.solver = (sphpa_palpha_solver)17; break;
     case BAD_TOL: s->pores.options.tol = -1.0; break;
     case FORGOTTEN: for (size_t i = 0; i < s->initial.n; i++) s->initial.alpha[i] = 1.0; break;
+    case RHO_OF_MATRIX:
+        for (size_t i = 0; i < s->initial.n; i++) s->initial.rho[i] = s->matrix->rho0;
+        break;
+    case NO_PORES: s->dense = 2; break;
     case TOO_POROUS: s->initial.alpha[5] = 4.65; break;
     case BELOW_ONE: s->initial.alpha[5] = 0.99; break;
     case BAD_MATERIAL: s->initial.material[7] = 3; break;
