@@ -1286,7 +1286,7 @@ SPHPA_DEF sphpa_result sphpa_tree_friends(const sphpa_tree *tree, const double *
     X(h0, sphpa_real, 1, "InitialSmoothingLengths", 1, 0, 0, CONSTANT, RESET, RESET,               \
       "smoothing length at the start [m]")                                                         \
     X(rho_h0, sphpa_real, 1, "InitialDensities", -3, 1, 0, CONSTANT, RESET, RESET,                 \
-      "density at the start, that goes with the smoothing length there [kg/m3]")                                                         \
+      "density at the start, that goes with the smoothing length there [kg/m3]")                   \
     X(S, sphpa_real, 6, "DeviatoricStresses", -1, 1, -2, STATE, INTERPOLATE, BY_MASS,              \
       "bulk deviator, undamaged [Pa]")                                                             \
     X(alpha, double, 1, "Distentions", 0, 0, 0, STATE, COPY, BY_MASS, "distention [1]")            \
@@ -4120,9 +4120,7 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_clear_(const sphpa_palpha_task_ *task,
     double slope, P = sphpa_min_(lo->P, hi->P), width = hi->alpha - lo->alpha;
     bool dip = lo->D < 0.0 && hi->D > 0.0;
     if ((dip || sphpa_palpha_bends_(lo, hi)) && 64.0 * width > task->cap - 1.0) return false;
-    if (dip) {
-        P = sphpa_min_(P, sphpa_max_(lo->P + lo->D * width, hi->P - hi->D * width));
-    }
+    if (dip) P = sphpa_min_(P, sphpa_max_(lo->P + lo->D * width, hi->P - hi->D * width));
     return lo->alpha > sphpa_palpha_target_(task, P, &slope);
 }
 
@@ -9169,19 +9167,22 @@ SPHPA_PRIVATE_ sphpa_result sphpa_solid_setup_(sphpa_sim *sim, void *params, sph
     return SPHPA_OK;
 }
 
-/* the scene has the solid that a module goes with; `solid` NULL: any */
-SPHPA_PRIVATE_ sphpa_result sphpa_solid_check_there_(const sphpa_sim *sim, const char *module,
-                                                     const sphpa_solid_params *solid,
-                                                     sphpa_error *err) {
+/* the scene's solid that a module goes with, with materials: `wanted`, or NULL for any; NULL and an
+   error where there is none */
+SPHPA_PRIVATE_ const sphpa_solid_params *sphpa_solid_of_scene_(const sphpa_sim *sim,
+                                                               const char *module,
+                                                               const sphpa_solid_params *wanted,
+                                                               sphpa_error *err) {
     for (int m = 0; m < sim->scene.modules; m++) {
         const sphpa_module *other = &sim->scene.module[m];
-        bool same = solid == NULL ? strcmp(other->name, "solid") == 0
-                                  : other->params == (const void *)solid;
-        if (same && (solid == NULL || solid->material != NULL)) return SPHPA_OK;
+        const sphpa_solid_params *solid = (const sphpa_solid_params *)other->params;
+        bool same = wanted == NULL ? strcmp(other->name, "solid") == 0 : solid == wanted;
+        if (same && solid->material != NULL) return solid;
     }
-    return sphpa_error_set(err, SPHPA_ERROR_MISSING,
-                           "%s: the scene has no sphpa_solid()%s; add it, with its materials",
-                           module, solid == NULL ? "" : " of these solid parameters");
+    (void)sphpa_error_set(err, SPHPA_ERROR_MISSING,
+                          "%s: the scene has no sphpa_solid()%s; add it, with its materials",
+                          module, wanted == NULL ? "" : " of these solid parameters");
+    return NULL;
 }
 
 SPHPA_PRIVATE_ sphpa_result sphpa_solid_check_all_(const sphpa_sim *sim, const void *params,
@@ -9511,8 +9512,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_pores_setup_(sphpa_sim *sim, void *params, sph
     memset(&pores->stats, 0, sizeof pores->stats);
     if (pores->solid == NULL || pores->crush == NULL || pores->matrix == NULL)
         return sphpa_error_set(err, SPHPA_ERROR_MISSING, "pores: set solid, crush and matrix");
-    sphpa_result there = sphpa_solid_check_there_(sim, "pores", pores->solid, err);
-    if (there != SPHPA_OK) return there;
+    if (sphpa_solid_of_scene_(sim, "pores", pores->solid, err) == NULL) return SPHPA_ERROR_MISSING;
     for (int k = 0; k < pores->solid->materials; k++) {
         if (!sphpa_pores_porous_(pores, k)) continue;
         sphpa_result result = sphpa_pores_check_material_(pores, k, err);
@@ -9633,19 +9633,13 @@ SPHPA_PRIVATE_ sphpa_result sphpa_plastic_setup_(sphpa_sim *sim, void *params, s
     const sphpa_plastic_params *plastic = (const sphpa_plastic_params *)params;
     if (plastic->yield == NULL || plastic->materials < 1)
         return sphpa_error_set(err, SPHPA_ERROR_MISSING, "plastic: set yield and materials");
-    sphpa_result there = sphpa_solid_check_there_(sim, "plastic", NULL, err);
-    if (there != SPHPA_OK) return there;
+    const sphpa_solid_params *solid = sphpa_solid_of_scene_(sim, "plastic", NULL, err);
+    if (solid == NULL) return SPHPA_ERROR_MISSING;
     for (int k = 0; k < plastic->materials; k++) {
         sphpa_result result = sphpa_yield_check(&plastic->yield[k], err);
         if (result != SPHPA_OK) return result;
     }
-    for (int m = 0; m < sim->scene.modules && sim->p.D != NULL; m++) {
-        const sphpa_module *module = &sim->scene.module[m];
-        const sphpa_solid_params *solid = (const sphpa_solid_params *)module->params;
-        if (strcmp(module->name, "solid") != 0 || solid->material == NULL) continue;
-        return sphpa_plastic_check_damage_(plastic, solid, err);
-    }
-    return SPHPA_OK;
+    return sim->p.D != NULL ? sphpa_plastic_check_damage_(plastic, solid, err) : SPHPA_OK;
 }
 
 SPHPA_PRIVATE_ sphpa_result sphpa_plastic_check_all_(const sphpa_sim *sim, const void *params,
@@ -9841,8 +9835,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_cracks_setup_(sphpa_sim *sim, void *params, sp
     cracks->pool_count = 0;
     if (cracks->solid == NULL || cracks->material == NULL)
         return sphpa_error_set(err, SPHPA_ERROR_MISSING, "cracks: set solid and material");
-    sphpa_result there = sphpa_solid_check_there_(sim, "cracks", cracks->solid, err);
-    if (there != SPHPA_OK) return there;
+    if (sphpa_solid_of_scene_(sim, "cracks", cracks->solid, err) == NULL)
+        return SPHPA_ERROR_MISSING;
     if (cracks->keep_all && cracks->sampled)
         return sphpa_error_set(err, SPHPA_ERROR_RANGE,
                                "cracks: keep_all and sampled exclude each other; choose one");

@@ -28,6 +28,7 @@ typedef struct scene_of {
     double pull; /* [1/s] every particle flies on as it was: strain along x alone, of this rate */
     int porous;  /* with the particles' alpha, which a pass of the scene names and none changes */
     int damage_first;
+    sphpa_module extra; /* added last, if it has a name */
 } scene_of;
 
 static scene_of rock(void) {
@@ -80,6 +81,7 @@ static sphpa_result create(scene_of *s, const sphpa_particles *initial, sphpa_si
     if (!s->damage_first)
         assert_int_equal(sphpa_scene_add(&scene, sphpa_cracks(&s->cracks)), SPHPA_OK);
     if (s->pull != 0.0) assert_int_equal(sphpa_scene_add(&scene, fly), SPHPA_OK);
+    if (s->extra.name != NULL) assert_int_equal(sphpa_scene_add(&scene, s->extra), SPHPA_OK);
     return sphpa_sim_create(sim, &scene, initial, &s->options, err);
 }
 
@@ -333,30 +335,18 @@ static void compaction_does_not_heal(void **state) {
     (void)state;
     sphpa_particles p = porous_cube(5, 0.0, 1.5);
     scene_of s = rock();
-    sphpa_module spring;
-    sphpa_scene scene;
     sphpa_sim sim;
-    sphpa_error err;
-    memset(&spring, 0, sizeof spring);
-    memset(&scene, 0, sizeof scene);
-    spring.name = "spring";
-    spring.passes = 1;
-    spring.pass[0].name = "spring back";
-    spring.pass[0].stage = SPHPA_STAGE_PRESSURE;
-    spring.pass[0].advances = SPHPA_F(alpha) | SPHPA_F(alpha_min);
-    spring.pass[0].particle = spring_back;
-    spring.pass[0].at_commit = 1;
+    s.extra.name = "spring";
+    s.extra.passes = 1;
+    s.extra.pass[0].name = "spring back";
+    s.extra.pass[0].stage = SPHPA_STAGE_PRESSURE;
+    s.extra.pass[0].advances = SPHPA_F(alpha) | SPHPA_F(alpha_min);
+    s.extra.pass[0].particle = spring_back;
+    s.extra.pass[0].at_commit = 1;
     s.flaws[0].k = 0.0;
     s.flaws[0].alpha0 = 1.5;
-    s.material[0].eos = sphpa_murnaghan_eos(&s.rock);
-    s.solid.material = s.material;
-    s.cracks.solid = &s.solid;
-    s.cracks.material = s.flaws;
     s.options.dt_fixed = 0.02;
-    assert_int_equal(sphpa_scene_add(&scene, sphpa_solid(&s.solid)), SPHPA_OK);
-    assert_int_equal(sphpa_scene_add(&scene, sphpa_cracks(&s.cracks)), SPHPA_OK);
-    assert_int_equal(sphpa_scene_add(&scene, spring), SPHPA_OK);
-    ok(sphpa_sim_create(&sim, &scene, &p, &s.options, &err), &err);
+    start(&s, &p, &sim);
     double want = sphpa_damage_compaction(1.2, 1.5);
     assert_true(want > sphpa_damage_compaction(1.25, 1.5) + 0.01);
     for (int k = 0; k < 6; k++) {

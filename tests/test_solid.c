@@ -120,16 +120,22 @@ static sphpa_result no_force(sphpa_sim *sim, void *params, size_t first, size_t 
     return SPHPA_OK;
 }
 
-static sphpa_module ballistic(void) {
+/* a module of one pass over particles */
+static sphpa_module one_pass(const char *name, sphpa_stage stage, sphpa_mask writes,
+                             sphpa_result (*particle)(sphpa_sim *, void *, size_t, size_t,
+                                                      size_t *)) {
     sphpa_module module;
     memset(&module, 0, sizeof module);
-    module.name = "ballistic";
+    module.name = module.pass[0].name = name;
     module.passes = 1;
-    module.pass[0].name = "no force";
-    module.pass[0].stage = SPHPA_STAGE_FORCES;
-    module.pass[0].writes = SPHPA_F(a);
-    module.pass[0].particle = no_force;
+    module.pass[0].stage = stage;
+    module.pass[0].writes = writes;
+    module.pass[0].particle = particle;
     return module;
+}
+
+static sphpa_module ballistic(void) {
+    return one_pass("no force", SPHPA_STAGE_FORCES, SPHPA_F(a), no_force);
 }
 
 static sphpa_result leave_damage(sphpa_sim *sim, void *params, size_t first, size_t last,
@@ -140,15 +146,7 @@ static sphpa_result leave_damage(sphpa_sim *sim, void *params, size_t first, siz
 
 /* a module that has D and leaves it as it is */
 static sphpa_module given_damage(void) {
-    sphpa_module module;
-    memset(&module, 0, sizeof module);
-    module.name = "damage that is there";
-    module.passes = 1;
-    module.pass[0].name = "leave damage";
-    module.pass[0].stage = SPHPA_STAGE_DAMAGE;
-    module.pass[0].writes = SPHPA_F(D);
-    module.pass[0].particle = leave_damage;
-    return module;
+    return one_pass("leave damage", SPHPA_STAGE_DAMAGE, SPHPA_F(D), leave_damage);
 }
 
 /* sum of m x outer grad W of the mean kernel over all others, by brute force */
