@@ -203,11 +203,13 @@
 #if defined(__GNUC__) || defined(__clang__)
 #define SPHPA_UNUSED_ __attribute__((unused))
 #define SPHPA_FORCE_INLINE_ static inline __attribute__((unused, always_inline))
+#define SPHPA_NO_INLINE_ static __attribute__((unused, noinline))
 #define SPHPA_PRINTF_(text, first) __attribute__((__format__(__printf__, text, first)))
 #define SPHPA_RESTRICT __restrict__
 #else
 #define SPHPA_UNUSED_
 #define SPHPA_FORCE_INLINE_ static inline
+#define SPHPA_NO_INLINE_ static
 #define SPHPA_PRINTF_(text, first)
 #define SPHPA_RESTRICT
 #endif
@@ -683,7 +685,8 @@ typedef struct sphpa_palpha_options {
 typedef struct sphpa_palpha_solution {
     double alpha;    /* [1] */
     double P;        /* [Pa] of the bulk, eq. 1 */
-    double c;        /* [m/s] for the time step: the matrix's adiabatic speed, floored, no shear */
+    double c;        /* [m/s] for the time step: the matrix's adiabatic speed, floored, no shear;
+                        with the default tol to 1e-7 */
     double residual; /* [1] F(alpha), eq. 4 */
     int evaluations; /* of the equation of state, every one */
     int iterations;  /* of the solver's loop */
@@ -2780,49 +2783,75 @@ SPHPA_EXTERN_C_BEGIN_
 
 /* ---- Tillotson ------------------------------------------------------------------------------- */
 
-/* Pressure and derivatives of one branch, before any cut-off. */
+/* Pressure and derivatives of one branch, before any cut-off. Who does not ask for the second
+   derivative does not pay for it: all of this is inlined. */
 typedef struct sphpa_tillotson_branch_ {
     double P, dP_drho, dP_du;
+    double d2P_drho2, d2P_drho_du;
 } sphpa_tillotson_branch_;
 
-/* 1/w, written so that neither u >> E0 eta^2 nor eta -> 0 overflows; 0 where it would be 0/0 */
+/* 1/w and 1/(w rho), written so that neither u >> E0 eta^2 nor eta -> 0 overflows; 0 for 0/0 */
 SPHPA_FORCE_INLINE_ double sphpa_tillotson_inverse_w_(const sphpa_tillotson *mat, double u,
-                                                      double eta) {
-    double q = mat->E0 * eta * eta, sum = q + u;
-    return sum > 0.0 ? q / sum : 0.0;
+                                                      double eta, double *over_rho) {
+    double q = mat->E0 * eta, sum = q * eta + u, inv = 1.0 / (sum > 1e-300 ? sum : 1e-300);
+    *over_rho = q * inv * (1.0 / mat->rho0);
+    return q * eta * inv;
 }
 
 /* eqs. (2), (5): the compressed state, and the cold one of any density */
 SPHPA_FORCE_INLINE_ sphpa_tillotson_branch_ sphpa_tillotson_cold_(const sphpa_tillotson *mat,
                                                                   double rho, double u) {
     double inv_rho0 = 1.0 / mat->rho0, eta = rho * inv_rho0, mu = (rho - mat->rho0) * inv_rho0;
-    double f = sphpa_tillotson_inverse_w_(mat, u, eta), bf = mat->b * f;
+    double f_rho, f = sphpa_tillotson_inverse_w_(mat, u, eta, &f_rho), bf = mat->b * f;
     double B = mat->zero_B_expanded != 0 && rho < mat->rho0 ? 0.0 : mat->B;
     sphpa_tillotson_branch_ out;
     out.P = (mat->a + bf) * rho * u + (mat->A + B * mu) * mu;
     out.dP_drho = (mat->a + bf * (3.0 - 2.0 * f)) * u + (mat->A + 2.0 * B * mu) * inv_rho0;
     out.dP_du = rho * (mat->a + bf * f);
+    out.d2P_drho2 = 2.0 * (mat->b * f_rho * u * (1.0 - f) * (3.0 - 4.0 * f) +
+                           B * inv_rho0 * inv_rho0);
+    out.d2P_drho_du = mat->a + bf * f * (5.0 - 4.0 * f);
     return out;
 }
 
-/* eqs. (3), (6): the vapour, rho < rho0 */
+/* eqs. (3), (6): the vapour, rho < rho0. Without a branch: where the exponential of the cold terms
+   is 0 to the last bit, z is not looked at, lest it overflows; 1e-140 keeps 1/rho^2 finite. */
 SPHPA_FORCE_INLINE_ sphpa_tillotson_branch_ sphpa_tillotson_vapour_(const sphpa_tillotson *mat,
                                                                     double rho, double u) {
-    double inv_rho0 = 1.0 / mat->rho0, inv_rho = 1.0 / rho;
-    double mu = (rho - mat->rho0) * inv_rho0, z = (mat->rho0 - rho) * inv_rho;
-    double decay = mat->alpha * z * z;
+    double inv_rho0 = 1.0 / mat->rho0, inv_rho = 1.0 / (rho > 1e-140 ? rho : 1e-140);
+    double far = (mat->rho0 - rho) * inv_rho, decay = mat->alpha * far * far;
+    double z = decay > 700.0 ? 0.0 : far, mu = (rho - mat->rho0) * inv_rho0;
+    double f_rho, f = sphpa_tillotson_inverse_w_(mat, u, rho * inv_rho0, &f_rho);
+    double E = sphpa_exp_(decay > 700.0 ? -800.0 : -decay), A = mat->A * sphpa_exp_(-mat->beta * z);
+    double dz = -(1.0 + z) * inv_rho, l = -2.0 * mat->alpha * z * dz; /* l: slope of ln E */
+    double bf = mat->b * f, k = mat->beta * dz;
+    double X = bf * rho * u + A * mu;
+    double dX = bf * (3.0 - 2.0 * f) * u + A * (inv_rho0 - k * mu);
+    double d2X = 2.0 * mat->b * f_rho * u * (1.0 - f) * (3.0 - 4.0 * f) +
+                 A * (k * (k + 2.0 * inv_rho) * mu - 2.0 * k * inv_rho0);
+    double d2l = 2.0 * mat->alpha * dz * inv_rho * (1.0 + 3.0 * z);
     sphpa_tillotson_branch_ out;
-    out.P = mat->a * rho * u;
-    out.dP_drho = mat->a * u;
-    out.dP_du = mat->a * rho;
-    if (decay > 700.0) return out; /* nothing but the gas term is left */
-    double f = sphpa_tillotson_inverse_w_(mat, u, rho * inv_rho0), bf = mat->b * f;
-    double Ea = sphpa_exp_(-decay), Eb = mat->A * sphpa_exp_(-mat->beta * z);
-    double dz = -(1.0 + z) * inv_rho, X = bf * rho * u + Eb * mu;
-    out.P += Ea * X;
-    out.dP_drho += Ea * (bf * (3.0 - 2.0 * f) * u + Eb * (inv_rho0 - mat->beta * mu * dz) -
-                         2.0 * mat->alpha * z * dz * X);
-    out.dP_du += Ea * bf * f * rho;
+    out.P = mat->a * rho * u + E * X;
+    out.dP_drho = mat->a * u + E * (dX + l * X);
+    out.dP_du = mat->a * rho + E * (bf * f * rho);
+    out.d2P_drho2 = E * (d2X + 2.0 * l * dX + (l * l + d2l) * X);
+    out.d2P_drho_du = mat->a + E * (bf * f * (5.0 - 4.0 * f + l * rho));
+    return out;
+}
+
+/* The blend (4), for u_iv < u < u_cv and rho < rho0. */
+SPHPA_FORCE_INLINE_ sphpa_tillotson_branch_ sphpa_tillotson_blend_(
+    const sphpa_tillotson *mat, double u, const sphpa_tillotson_branch_ *vapour,
+    const sphpa_tillotson_branch_ *cold) {
+    double slope = 1.0 / (mat->u_cv - mat->u_iv);
+    double t = (u - mat->u_iv) * slope, s = (mat->u_cv - u) * slope;
+    sphpa_tillotson_branch_ out;
+    out.P = t * vapour->P + s * cold->P;
+    out.dP_drho = t * vapour->dP_drho + s * cold->dP_drho;
+    out.dP_du = t * vapour->dP_du + s * cold->dP_du + (vapour->P - cold->P) * slope;
+    out.d2P_drho2 = t * vapour->d2P_drho2 + s * cold->d2P_drho2;
+    out.d2P_drho_du = t * vapour->d2P_drho_du + s * cold->d2P_drho_du +
+                      (vapour->dP_drho - cold->dP_drho) * slope;
     return out;
 }
 
@@ -2832,26 +2861,25 @@ SPHPA_FORCE_INLINE_ sphpa_tillotson_branch_ sphpa_tillotson_uncut_(const sphpa_t
     if (rho >= mat->rho0 || u <= mat->u_iv) return sphpa_tillotson_cold_(mat, rho, u);
     sphpa_tillotson_branch_ vapour = sphpa_tillotson_vapour_(mat, rho, u);
     if (u >= mat->u_cv) return vapour;
-    sphpa_tillotson_branch_ cold = sphpa_tillotson_cold_(mat, rho, u), out;
-    double slope = 1.0 / (mat->u_cv - mat->u_iv);
-    double t = (u - mat->u_iv) * slope, s = (mat->u_cv - u) * slope;
-    out.P = t * vapour.P + s * cold.P;
-    out.dP_drho = t * vapour.dP_drho + s * cold.dP_drho;
-    out.dP_du = t * vapour.dP_du + s * cold.dP_du + (vapour.P - cold.P) * slope;
-    return out;
+    sphpa_tillotson_branch_ cold = sphpa_tillotson_cold_(mat, rho, u);
+    return sphpa_tillotson_blend_(mat, u, &vapour, &cold);
 }
 
-/* eq. (9): the cut-offs; where one holds the pressure it is a constant, so both slopes are 0 */
+/* eq. (9): the least pressure that the cut-offs leave */
+SPHPA_FORCE_INLINE_ double sphpa_tillotson_least_(const sphpa_tillotson *mat, double rho) {
+    if (rho < mat->eta_cut * mat->rho0) return 0.0;
+    return mat->tensile_limit > 0.0 ? -mat->tensile_limit : -DBL_MAX;
+}
+
+/* where a cut-off holds the pressure it is a constant, so all slopes are 0 */
 SPHPA_FORCE_INLINE_ void sphpa_tillotson_cut_(const sphpa_tillotson *mat, double rho,
                                               sphpa_tillotson_branch_ *state) {
-    if (state->P >= 0.0) return;
-    double lowest = -DBL_MAX;
-    if (mat->tensile_limit > 0.0) lowest = -mat->tensile_limit;
-    if (rho < mat->eta_cut * mat->rho0) lowest = 0.0;
-    if (state->P >= lowest) return;
-    state->P = lowest;
+    double least = sphpa_tillotson_least_(mat, rho);
+    if (state->P >= least) return;
+    state->P = least;
     state->dP_drho = 0.0;
     state->dP_du = 0.0;
+    state->d2P_drho2 = state->d2P_drho_du = 0.0;
 }
 
 /* Pressure and derivatives, cut-offs applied; no checks and no sound speed: for solvers that
@@ -3415,21 +3443,29 @@ SPHPA_EXTERN_C_BEGIN_
 
 /* ---- crush curves ---------------------------------------------------------------------------- */
 
+/* How a curve is evaluated; a constant argument where it has to be fast. */
+typedef enum sphpa_crush_way_ {
+    SPHPA_CRUSH_SQUARE_, /* 1 + k2 t^2 and FLAT: the quadratic curve */
+    SPHPA_CRUSH_POWERS_, /* 1 + k1 q^n1 + k2 t^n2 and FLAT, whole exponents up to 64 */
+    SPHPA_CRUSH_ANY_     /* anything */
+} sphpa_crush_way_;
+
 /* A curve boiled down for evaluation. With t = (Ps - P)/R and q = (Pt - P)/Rt both published forms
    are alpha = 1 + k1 q^n1 + k2 t^n2; the quadratic one has k1 = 0, n2 = 2. */
 typedef struct sphpa_crush_shape_ {
-    double alpha0, top;     /* distention at rest, and where the curve begins (at Pe) */
-    double Pe, Pt, Ps, end; /* end: alpha = 1 from here on (Pt where k2 = 0) */
-    double R, Rt, inv_R;    /* Ps - Pe, Pt - Pe */
+    double alpha0, top;      /* distention at rest, and where the curve begins (at Pe) */
+    double Pe, Pt, Ps, end;  /* end: alpha = 1 from here on (Pt where k2 = 0) */
+    double R, inv_R;         /* Ps - Pe */
     double t_of_Pt, stretch; /* q = (t - t_of_Pt) stretch */
-    double k1, k2, n1, n2;
-    double K0, k;                  /* HERRMANN: rho0 c_s^2, and hh = 1 + k (alpha - 1) */
-    double la, lb, lc, ld;         /* HERRMANN: the four terms of Phi */
-    double scale;                  /* USER: amplitude of the caller's curve */
-    int m1, m2;                    /* n1 - 1, n2 - 1 where these are small whole numbers, else -1 */
+    double k1, k2, n1, n2, inv_n1, inv_n2;
+    int m1, m2; /* n1 - 1, n2 - 1 where these are small whole numbers, else -1 */
+    sphpa_crush_way_ way;
     bool herrmann, dense;          /* dense: alpha0 = 1 */
     sphpa_crush_function function; /* NULL unless USER */
     const void *user;
+    double scale;          /* USER: amplitude of the caller's curve */
+    double K0, k;          /* HERRMANN: rho0 c_s^2, and hh = 1 + k (alpha - 1) */
+    double la, lb, lc, ld; /* HERRMANN: the four terms of Phi */
 } sphpa_crush_shape_;
 
 SPHPA_DEF sphpa_crush sphpa_crush_quadratic(double alpha0, double Pe, double Ps) {
@@ -3550,19 +3586,32 @@ SPHPA_DEF sphpa_result sphpa_crush_check(const sphpa_crush *curve, sphpa_error *
     return SPHPA_OK;
 }
 
-/* x^n and *slope = n x^(n-1) for x >= 0, n >= 1; m = n - 1 if that is a small whole number */
-SPHPA_FORCE_INLINE_ double sphpa_crush_power_(double x, double n, int m, double *slope) {
-    double y = 1.0, square = x;
-    if (m >= 0) {
-        for (int bits = m; bits != 0; bits >>= 1) {
+/* x^n with two derivatives, for x >= 0 and n >= 1; m = n - 1 if that is a small whole number, as it
+   is known to be if `whole` */
+typedef struct sphpa_crush_power_ {
+    double value, d1, d2;
+} sphpa_crush_power_;
+
+SPHPA_NO_INLINE_ double sphpa_crush_pow_(double x, double y) { return pow(x, y); }
+
+SPHPA_FORCE_INLINE_ sphpa_crush_power_ sphpa_crush_power_of_(double x, double n, int m,
+                                                             bool whole) {
+    double y = 1.0, square = x; /* y: x^(m-1) */
+    sphpa_crush_power_ out;
+    if (m > 0) {
+        for (int bits = m - 1; bits != 0; bits >>= 1) {
             if (bits & 1) y *= square;
             square *= square;
         }
+        out.d2 = n * (n - 1.0) * y;
+        y *= x;
     } else {
-        y = pow(x, n - 1.0);
+        if (m < 0 && !whole) y = sphpa_crush_pow_(x, n - 1.0);
+        out.d2 = x > 0.0 && !whole ? n * (n - 1.0) * y / x : 0.0;
     }
-    *slope = n * y;
-    return x * y;
+    out.d1 = n * y;
+    out.value = x * y;
+    return out;
 }
 
 SPHPA_FORCE_INLINE_ int sphpa_crush_whole_(double n) {
@@ -3583,67 +3632,90 @@ SPHPA_PRIVATE_ void sphpa_crush_shape_line_(const sphpa_crush *curve, sphpa_crus
     shape->ld = -0.5 * ratio * ratio * curve->K0 / k;
 }
 
+SPHPA_PRIVATE_ void sphpa_crush_shape_powers_(const sphpa_crush *curve, sphpa_crush_shape_ *shape) {
+    double alpha_e = sphpa_crush_alpha_e_(curve), rise = shape->top - 1.0;
+    double grow = curve->rescale != 0 && alpha_e > 1.0 ? rise / (alpha_e - 1.0) : 1.0;
+    shape->Pt = curve->Pt;
+    shape->t_of_Pt = (curve->Ps - curve->Pt) * shape->inv_R;
+    if (curve->Pt > curve->Pe) shape->stretch = shape->R / (curve->Pt - curve->Pe);
+    shape->n1 = curve->n1;
+    shape->n2 = curve->n2;
+    shape->m1 = sphpa_crush_whole_(shape->n1);
+    shape->m2 = sphpa_crush_whole_(shape->n2);
+    shape->inv_n1 = 1.0 / shape->n1;
+    shape->inv_n2 = 1.0 / shape->n2;
+    shape->k2 = sphpa_min_(grow * (curve->alpha_t - 1.0), rise);
+    shape->k1 = curve->Pt > curve->Pe ? rise - shape->k2 : 0.0;
+    if (!(shape->k2 > 0.0)) shape->end = curve->Pt;
+    if (shape->k1 > 0.0 || shape->m2 != 1)
+        shape->way = shape->m1 >= 0 && shape->m2 >= 0 ? SPHPA_CRUSH_POWERS_ : SPHPA_CRUSH_ANY_;
+}
+
 /* of a curve that passed sphpa_crush_check_fields_ */
-SPHPA_PRIVATE_ sphpa_crush_shape_ sphpa_crush_shape_of_(const sphpa_crush *curve) {
-    sphpa_crush_shape_ shape;
-    memset(&shape, 0, sizeof shape);
-    shape.alpha0 = curve->alpha0;
-    shape.dense = !(curve->alpha0 > 1.0);
-    shape.top = curve->alpha0;
-    if (shape.dense) return shape;
-    shape.herrmann = curve->elastic == SPHPA_CRUSH_HERRMANN;
-    if (shape.herrmann) {
-        sphpa_crush_shape_line_(curve, &shape);
-        shape.top = curve->alpha_y > 0.0 ? curve->alpha_y : curve->alpha0;
+SPHPA_FORCE_INLINE_ void sphpa_crush_shape_of_(const sphpa_crush *curve,
+                                               sphpa_crush_shape_ *shape) {
+    shape->alpha0 = shape->top = curve->alpha0;
+    shape->dense = !(curve->alpha0 > 1.0);
+    shape->herrmann = curve->elastic == SPHPA_CRUSH_HERRMANN;
+    shape->way = SPHPA_CRUSH_SQUARE_;
+    shape->function = NULL;
+    shape->Pe = shape->Pt = curve->Pe;
+    shape->Ps = shape->end = curve->Ps;
+    shape->R = curve->Ps - curve->Pe;
+    shape->inv_R = 1.0 / shape->R;
+    shape->t_of_Pt = shape->stretch = 1.0;
+    shape->k1 = 0.0;
+    shape->k2 = shape->top - 1.0;
+    shape->n2 = 2.0;
+    shape->inv_n2 = 0.5;
+    shape->m2 = 1;
+    if (shape->dense) return;
+    if (shape->herrmann) {
+        sphpa_crush_shape_line_(curve, shape);
+        shape->top = curve->alpha_y > 0.0 ? curve->alpha_y : curve->alpha0;
+        shape->k2 = shape->top - 1.0;
     }
-    shape.Pe = shape.Pt = curve->Pe;
-    shape.Ps = shape.end = curve->Ps;
-    shape.R = curve->Ps - curve->Pe;
-    shape.Rt = 1.0;
-    shape.k2 = shape.top - 1.0;
-    shape.n1 = 1.0;
-    shape.n2 = 2.0;
-    if (curve->kind == SPHPA_CRUSH_TWO_EXPONENT) {
-        double alpha_e = sphpa_crush_alpha_e_(curve);
-        double grow = curve->rescale != 0 && alpha_e > 1.0 ? shape.k2 / (alpha_e - 1.0) : 1.0;
-        shape.Pt = curve->Pt;
-        shape.Rt = curve->Pt > curve->Pe ? curve->Pt - curve->Pe : 1.0;
-        shape.n1 = curve->n1;
-        shape.n2 = curve->n2;
-        shape.k2 = sphpa_min_(grow * (curve->alpha_t - 1.0), shape.top - 1.0);
-        shape.k1 = curve->Pt > curve->Pe ? shape.top - 1.0 - shape.k2 : 0.0;
-        if (!(shape.k2 > 0.0)) shape.end = curve->Pt;
-    }
+    if (curve->kind == SPHPA_CRUSH_TWO_EXPONENT) sphpa_crush_shape_powers_(curve, shape);
     if (curve->kind == SPHPA_CRUSH_USER) {
-        shape.function = curve->function;
-        shape.user = curve->user;
-        shape.scale = (shape.top - 1.0) / (shape.alpha0 - 1.0);
+        shape->function = curve->function;
+        shape->user = curve->user;
+        shape->scale = (shape->top - 1.0) / (shape->alpha0 - 1.0);
+        shape->way = SPHPA_CRUSH_ANY_;
     }
-    shape.inv_R = 1.0 / shape.R;
-    shape.t_of_Pt = (shape.Ps - shape.Pt) / shape.R;
-    shape.stretch = shape.R / shape.Rt;
-    shape.m1 = sphpa_crush_whole_(shape.n1);
-    shape.m2 = sphpa_crush_whole_(shape.n2);
-    return shape;
+    if (shape->herrmann) shape->way = SPHPA_CRUSH_ANY_;
+}
+
+SPHPA_NO_INLINE_ double sphpa_crush_curve_user_(const sphpa_crush_shape_ *shape, double P,
+                                                double *slope) {
+    double alpha = shape->function(shape->user, P, slope);
+    *slope *= shape->scale;
+    return sphpa_clamp_(1.0 + shape->scale * (alpha - 1.0), 1.0, shape->top);
 }
 
 /* eqs. 2 and 3, with the flat continuation on both sides; *slope is that of the crushing side */
-SPHPA_FORCE_INLINE_ double sphpa_crush_curve_(const sphpa_crush_shape_ *shape, double P,
-                                              double *slope) {
+SPHPA_FORCE_INLINE_ double sphpa_crush_curve_(const sphpa_crush_shape_ *shape, sphpa_crush_way_ way,
+                                              double P, double *slope) {
+    double t = (shape->Ps - P) * shape->inv_R;
     *slope = 0.0;
     if (P < shape->Pe) return shape->top;
     if (P > shape->Ps) return 1.0;
-    if (shape->function != NULL) {
-        double alpha = shape->function(shape->user, P, slope);
-        *slope *= shape->scale;
-        return sphpa_clamp_(1.0 + shape->scale * (alpha - 1.0), 1.0, shape->top);
+    if (way == SPHPA_CRUSH_SQUARE_) {
+        *slope = -2.0 * shape->k2 * t * shape->inv_R;
+        return sphpa_min_(1.0 + shape->k2 * (t * t), shape->top);
     }
-    double s1 = 0.0, s2, first = 0.0;
-    double second = sphpa_crush_power_((shape->Ps - P) / shape->R, shape->n2, shape->m2, &s2);
-    if (P < shape->Pt)
-        first = sphpa_crush_power_((shape->Pt - P) / shape->Rt, shape->n1, shape->m1, &s1);
-    *slope = -(shape->k1 * s1 / shape->Rt + shape->k2 * s2 / shape->R);
-    return sphpa_min_(1.0 + (shape->k1 * first + shape->k2 * second), shape->top);
+    if (way == SPHPA_CRUSH_ANY_ && shape->function != NULL)
+        return sphpa_crush_curve_user_(shape, P, slope);
+    bool whole = way == SPHPA_CRUSH_POWERS_;
+    sphpa_crush_power_ second = sphpa_crush_power_of_(t, shape->n2, shape->m2, whole);
+    double alpha = shape->k2 * second.value, fall = shape->k2 * second.d1;
+    if (P < shape->Pt && shape->k1 > 0.0) {
+        double q = (shape->Pt - P) * (shape->stretch * shape->inv_R);
+        sphpa_crush_power_ first = sphpa_crush_power_of_(q, shape->n1, shape->m1, whole);
+        alpha += shape->k1 * first.value;
+        fall += shape->k1 * first.d1 * shape->stretch;
+    }
+    *slope = -fall * shape->inv_R;
+    return sphpa_min_(1.0 + alpha, shape->top);
 }
 
 /* ---- Herrmann's elastic lines ---------------------------------------------------------------- */
@@ -3660,6 +3732,15 @@ SPHPA_PRIVATE_ double sphpa_crush_phi_(const sphpa_crush_shape_ *shape, double a
     if (!(x > 0.0)) return HUGE_VAL;
     return shape->la * log(x) + shape->lb * log(alpha) + shape->lc / alpha +
            shape->ld * log(2.0 + shape->k * x);
+}
+
+/* dPhi/dalpha, and the second derivative */
+SPHPA_PRIVATE_ double sphpa_crush_phi_slopes_(const sphpa_crush_shape_ *shape, double alpha,
+                                              double *second) {
+    double a = 1.0 / (alpha - 1.0), b = 1.0 / alpha;
+    double d = shape->k / (2.0 + shape->k * (alpha - 1.0));
+    *second = -shape->la * a * a - b * b * (shape->lb - 2.0 * shape->lc * b) - shape->ld * d * d;
+    return shape->la * a + b * (shape->lb - shape->lc * b) + shape->ld * d;
 }
 
 /* the alpha in [low, high] with Phi(alpha) = phi: Newton in a bracket; Phi falls */
@@ -3680,90 +3761,118 @@ SPHPA_PRIVATE_ double sphpa_crush_line_solve_(const sphpa_crush_shape_ *shape, d
     return alpha;
 }
 
-/* ---- inverse curve --------------------------------------------------------------------------- */
+/* ---- the curve as a path --------------------------------------------------------------------- */
 
-/* t >= 0 with D (k1 q^n1 + k2 t^n2) + R t = M: where a line of slope D through the (alpha, P) plane
-   meets the curve; D = 0 is the vertical line P = Ps - M, and R = 0 with D = 1 the inverse of the
-   curve. The left side is convex and rises, so Newton comes down from the right without overshoot.
-   It starts at `guess` where that lies on the right piece, else at an upper bound of the root: each
-   of the three terms alone is at most M. More than 1: the line passes above the curve. */
-SPHPA_PRIVATE_ double sphpa_crush_meet_newton_(const sphpa_crush_shape_ *shape, double D, double R,
-                                               double M, double guess) {
-    double s1 = 0.0, s2, t_of_Pt = shape->t_of_Pt;
-    double left = D * shape->k2 * sphpa_crush_power_(t_of_Pt, shape->n2, shape->m2, &s2);
-    bool single = !(shape->k1 > 0.0) || left + R * t_of_Pt >= M; /* the second term alone */
-    double high = R > M ? M / R : 1.0, t = guess;
-    if (!(D * (shape->k1 + shape->k2) + R > M)) return 1.0;
-    if (single && !(R > 0.0)) {
-        double ratio = M / (D * shape->k2);
-        return shape->m2 == 1 ? sqrt(ratio) : pow(ratio, 1.0 / shape->n2);
+/* A place on the curve: P = Ps - R t, alpha(t) and its derivatives by t, t from 0 (all closed) to 1
+   (Pe). Of a caller's curve the second derivative is not known: 0. */
+typedef struct sphpa_crush_place_ {
+    double alpha, d1, d2;
+} sphpa_crush_place_;
+
+SPHPA_NO_INLINE_ sphpa_crush_place_ sphpa_crush_at_user_(const sphpa_crush_shape_ *shape,
+                                                         double t) {
+    sphpa_crush_place_ out;
+    double slope;
+    out.alpha = sphpa_crush_curve_(shape, SPHPA_CRUSH_ANY_, shape->Ps - shape->R * t, &slope);
+    out.d1 = -shape->R * slope;
+    out.d2 = 0.0;
+    return out;
+}
+
+SPHPA_FORCE_INLINE_ sphpa_crush_place_ sphpa_crush_at_(const sphpa_crush_shape_ *shape,
+                                                       sphpa_crush_way_ way, double t) {
+    sphpa_crush_place_ out;
+    if (way == SPHPA_CRUSH_SQUARE_) {
+        out.d2 = 2.0 * shape->k2;
+        out.d1 = out.d2 * t;
+        out.alpha = 1.0 + shape->k2 * (t * t);
+        return out;
     }
-    if (!(t > (single ? 0.0 : t_of_Pt) && t < high)) {
-        double k = single ? shape->k2 : shape->k1, n = single ? shape->n2 : shape->n1;
-        double bound = M < D * k ? pow(M / (D * k), 1.0 / n) : 1.0;
-        if (!single) bound = t_of_Pt + bound * (1.0 - t_of_Pt);
-        t = sphpa_min_(high, bound);
+    if (way == SPHPA_CRUSH_ANY_ && shape->function != NULL) return sphpa_crush_at_user_(shape, t);
+    bool whole = way == SPHPA_CRUSH_POWERS_;
+    sphpa_crush_power_ second = sphpa_crush_power_of_(t, shape->n2, shape->m2, whole);
+    out.alpha = shape->k2 * second.value;
+    out.d1 = shape->k2 * second.d1;
+    out.d2 = shape->k2 * second.d2;
+    if (t > shape->t_of_Pt && shape->k1 > 0.0) {
+        double stretch = shape->stretch, k1 = shape->k1;
+        sphpa_crush_power_ first =
+            sphpa_crush_power_of_((t - shape->t_of_Pt) * stretch, shape->n1, shape->m1, whole);
+        out.alpha += k1 * first.value;
+        out.d1 += k1 * stretch * first.d1;
+        out.d2 += k1 * stretch * stretch * first.d2;
     }
-    for (int k = 0; k < 60; k++) {
-        double q = single ? 0.0 : sphpa_max_(0.0, (t - t_of_Pt) * shape->stretch);
-        double first = sphpa_crush_power_(q, shape->n1, shape->m1, &s1);
-        double second = sphpa_crush_power_(t, shape->n2, shape->m2, &s2);
-        double miss = D * (shape->k1 * first + shape->k2 * second) + R * t - M;
-        double rise = D * (shape->k1 * s1 * shape->stretch + shape->k2 * s2) + R;
-        double step = rise > 0.0 ? miss / rise : 0.0;
-        t = sphpa_clamp_(t - step, 0.0, high);
-        if (k > 0 ? !(step > 1e-9 * t) : fabs(step) <= 1e-9 * t) break; /* quadratic: the next */
-    }                                                                  /* would be 1e-18 */
+    out.alpha += 1.0;
+    return out;
+}
+
+/* x^inv_n within 2 %, for x in (0, 1]: log2 is read off the bits of x, straight between two powers
+   of 2, and 2^y = 2^j 2^f with a parabola for |f| <= 1/2. A place to start from, without a call. */
+SPHPA_FORCE_INLINE_ double sphpa_crush_root_(double x, double inv_n) {
+    const double magic = 6755399441055744.0, two52 = 4503599627370496.0;
+    uint64_t bits, whole = 0x4330000000000000u; /* the bits of 2^52 */
+    double number;
+    x = x > 1e-300 ? x : 1e-300;
+    memcpy(&bits, &x, sizeof bits);
+    bits = (bits >> 20) | whole;
+    memcpy(&number, &bits, sizeof number);
+    double y = ((number - two52) * (1.0 / 4294967296.0) - (1023.0 - 0.043)) * inv_n;
+    double j = (y + magic) - magic, f = y - j;
+    return sphpa_exp2_whole_(j) * (1.0 + f * (0.6931 + 0.2402 * f));
+}
+
+/* A t near the root of D (alpha(t) - 1) + R t = M, where a line of slope D >= 0 through the (alpha,
+   P) plane meets the curve; D = 1, R = 0 is the inverse of the curve. Exact for the quadratic curve
+   (written without cancellation), else the least of three upper bounds, each term alone being M. */
+SPHPA_FORCE_INLINE_ double sphpa_crush_meet_(const sphpa_crush_shape_ *shape, sphpa_crush_way_ way,
+                                             double D, double R, double M) {
+    if (!(M > 0.0)) return 0.0;
+    double k1 = D * shape->k1, k2 = D * shape->k2;
+    if (way == SPHPA_CRUSH_SQUARE_)
+        return sphpa_min_(1.0, 2.0 * M / (R + sqrt(R * R + 4.0 * k2 * M)));
+    double t = R > M ? M / R : 1.0;
+    if (k2 > M) t = sphpa_min_(t, sphpa_crush_root_(M / k2, shape->inv_n2));
+    if (k1 > M)
+        t = sphpa_min_(t, shape->t_of_Pt + (1.0 - shape->t_of_Pt) *
+                                               sphpa_crush_root_(M / k1, shape->inv_n1));
     return t;
 }
 
-/* as above; the plain quadratic curve in closed form, without cancellation */
-SPHPA_FORCE_INLINE_ double sphpa_crush_meet_(const sphpa_crush_shape_ *shape, double D, double R,
-                                             double M, double guess) {
-    if (!(M > 0.0)) return 0.0;
-    if (shape->k1 > 0.0 || shape->m2 != 1)
-        return sphpa_crush_meet_newton_(shape, D, R, M, guess);
-    return 2.0 * M / (R + sqrt(R * R + 4.0 * D * shape->k2 * M));
+/* The step towards H = 0 where H rises, of third order: Halley's, or where the parabola bends so much
+   that he would stay behind (H1 nearly 0) Euler's, to the parabola's zero itself; Newton's where it
+   turns away from the root. */
+SPHPA_FORCE_INLINE_ double sphpa_crush_halley_(double H, double H1, double H2) {
+    double square = H1 * H1, bend = H * H2, bottom = 2.0 * square - bend;
+    if (bottom > 3.0 * square && H1 >= 0.0) return -2.0 * H / (H1 + sqrt(square - 2.0 * bend));
+    bottom = bottom > square ? bottom : 2.0 * square;
+    return -2.0 * H * H1 / bottom;
 }
 
-SPHPA_FORCE_INLINE_ double sphpa_crush_of_t_(const sphpa_crush_shape_ *shape, double t) {
-    double unused, q = (t - shape->t_of_Pt) * shape->stretch;
-    double second = shape->k2 * sphpa_crush_power_(t, shape->n2, shape->m2, &unused);
-    if (!(shape->k1 > 0.0) || !(q > 0.0)) return 1.0 + second;
-    return 1.0 + (shape->k1 * sphpa_crush_power_(q, shape->n1, shape->m1, &unused) + second);
-}
-
-/* the same for a caller's curve, whose shape is not known: the alpha where the line through
-   (alpha, P) of slope D meets it, by Newton in a bracket; D (curve - alpha) - (p - P) falls */
-SPHPA_PRIVATE_ double sphpa_crush_meet_user_(const sphpa_crush_shape_ *shape, double alpha,
-                                             double P, double D) {
-    double low = shape->Pe, high = shape->Ps, p = sphpa_clamp_(P, low, high), slope, on = 1.0;
+/* the least t with alpha(t) = alpha, for alpha in [1, top]: Halley in a bracket; a caller's curve may
+   be a staircase: halves */
+SPHPA_PRIVATE_ double sphpa_crush_invert_(const sphpa_crush_shape_ *shape, double alpha) {
+    bool halve = shape->function != NULL, square = shape->way == SPHPA_CRUSH_SQUARE_;
+    double low = 0.0, high = 1.0, t = 0.5;
+    if (square) return sphpa_crush_meet_(shape, SPHPA_CRUSH_SQUARE_, 1.0, 0.0, alpha - 1.0);
+    if (!halve) t = sphpa_crush_meet_(shape, SPHPA_CRUSH_POWERS_, 1.0, 0.0, alpha - 1.0);
     for (int k = 0; k < 100; k++) {
-        on = sphpa_crush_curve_(shape, p, &slope);
-        double miss = D * (on - alpha) - (p - P);
-        if (miss > 0.0) low = p;
-        else high = p;
-        double next = p - miss / (D * slope - 1.0);
-        if (!(next >= low && next <= high) || k > 20) next = 0.5 * (low + high);
-        if (fabs(next - p) <= 2.0 * DBL_EPSILON * shape->Ps) break;
-        p = next;
+        sphpa_crush_place_ place = sphpa_crush_at_(shape, SPHPA_CRUSH_ANY_, t);
+        if (place.alpha >= alpha) high = t;
+        else low = t;
+        double next = t + sphpa_crush_halley_(place.alpha - alpha, place.d1, place.d2);
+        if (fabs(next - t) <= DBL_EPSILON * t && !halve) return next;
+        if (!(next > low && next < high) || halve || k > 40) next = 0.5 * (low + high);
+        if (!(next > low && next < high)) break;
+        t = next;
     }
-    return on;
+    return high;
 }
 
+/* the P at which material crushed to alpha crushes on */
 SPHPA_PRIVATE_ double sphpa_crush_yield_(const sphpa_crush_shape_ *shape, double alpha) {
     if (alpha >= shape->top) return shape->Pe;
     if (alpha <= 1.0) return shape->end;
-    if (shape->function == NULL)
-        return shape->Ps - shape->R * sphpa_crush_meet_(shape, 1.0, 0.0, alpha - 1.0, 0.0);
-    double low = shape->Pe, high = shape->Ps, slope;
-    for (int k = 0; k < 200; k++) {
-        double middle = 0.5 * (low + high);
-        if (!(middle > low && middle < high)) break;
-        if (sphpa_crush_curve_(shape, middle, &slope) >= alpha) low = middle;
-        else high = middle;
-    }
-    return low;
+    return shape->Ps - shape->R * sphpa_crush_invert_(shape, alpha);
 }
 
 /* The line of alpha_old: its upper end (Py, alpha_y) on the curve, its foot at P = 0. */
@@ -3792,8 +3901,9 @@ SPHPA_DEF double sphpa_crush_alpha(const sphpa_crush *curve, double P, double *d
     if (curve == NULL || sphpa_crush_check_fields_(curve, NULL) != SPHPA_OK || P != P) {
         alpha = slope = (double)NAN;
     } else if (curve->alpha0 > 1.0) {
-        sphpa_crush_shape_ shape = sphpa_crush_shape_of_(curve);
-        alpha = sphpa_crush_curve_(&shape, P, &slope);
+        sphpa_crush_shape_ shape;
+        sphpa_crush_shape_of_(curve, &shape);
+        alpha = sphpa_crush_curve_(&shape, shape.way, P, &slope);
         if (shape.herrmann && P < shape.Pe) {
             double phi = sphpa_crush_phi_(&shape, shape.alpha0) + P;
             alpha = P > 0.0 ? sphpa_crush_line_solve_(&shape, phi, shape.top, shape.alpha0)
@@ -3808,13 +3918,15 @@ SPHPA_DEF double sphpa_crush_alpha(const sphpa_crush *curve, double P, double *d
 SPHPA_DEF double sphpa_crush_yield(const sphpa_crush *curve, double alpha) {
     if (curve == NULL || sphpa_crush_check_fields_(curve, NULL) != SPHPA_OK || alpha != alpha)
         return (double)NAN;
-    sphpa_crush_shape_ shape = sphpa_crush_shape_of_(curve);
+    sphpa_crush_shape_ shape;
+    sphpa_crush_shape_of_(curve, &shape);
     return shape.dense ? 0.0 : sphpa_crush_yield_(&shape, alpha);
 }
 
 SPHPA_DEF double sphpa_crush_rest(const sphpa_crush *curve, double alpha_old) {
     if (curve == NULL || sphpa_crush_check_fields_(curve, NULL) != SPHPA_OK) return (double)NAN;
-    sphpa_crush_shape_ shape = sphpa_crush_shape_of_(curve);
+    sphpa_crush_shape_ shape;
+    sphpa_crush_shape_of_(curve, &shape);
     return sphpa_crush_line_of_(&shape, alpha_old).rest;
 }
 
@@ -3839,7 +3951,8 @@ SPHPA_DEF sphpa_result sphpa_crush_prepare(sphpa_crush *curve, double rho0, doub
     ready.c_s = c_s;
     ready.K0 = rho0 * c_s * c_s;
     ready.alpha_y = curve->alpha0;
-    sphpa_crush_shape_ shape = sphpa_crush_shape_of_(&ready);
+    sphpa_crush_shape_ shape;
+    sphpa_crush_shape_of_(&ready, &shape);
     double phi = sphpa_crush_phi_(&shape, ready.alpha0) + ready.Pe;
     ready.alpha_y = sphpa_crush_line_solve_(&shape, phi, 1.0 + 1e-9 * (ready.alpha0 - 1.0),
                                             ready.alpha0);
@@ -3855,9 +3968,10 @@ SPHPA_DEF sphpa_result sphpa_crush_prepare(sphpa_crush *curve, double rho0, doub
 
 /* ---- one evaluation -------------------------------------------------------------------------- */
 
-/* The matrix at rho_s, as the solvers want it: pressure and slope with cut-offs, c without. */
+/* The matrix at rho_s: pressure and its derivatives without cut-offs. d2 is NaN where it is not
+   known; c is negative where it follows from the others. */
 typedef struct sphpa_palpha_matrix_ {
-    double P, dP_drho, dP_du, c2, floor2;
+    double P, d1, d2, dP_du, d2u, c; /* d2u: d2P/(drho du) */
 } sphpa_palpha_matrix_;
 
 /* the equation of state behind a solve: a constant argument of every solver's body */
@@ -3869,13 +3983,12 @@ SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_eval_tillotson_(const void *materi
                                                               sphpa_palpha_matrix_ *out) {
     const sphpa_tillotson *mat = (const sphpa_tillotson *)material;
     sphpa_tillotson_branch_ state = sphpa_tillotson_uncut_(mat, rho_s, u);
-    double inv_rho = 1.0 / rho_s;
-    out->c2 = state.dP_drho + (state.P * inv_rho) * (state.dP_du * inv_rho);
-    out->floor2 = (mat->c2_floor > 0.0 ? mat->c2_floor : 0.01) * mat->A / mat->rho0;
-    sphpa_tillotson_cut_(mat, rho_s, &state);
     out->P = state.P;
-    out->dP_drho = state.dP_drho;
+    out->d1 = state.dP_drho;
+    out->d2 = state.d2P_drho2;
     out->dP_du = state.dP_du;
+    out->d2u = state.d2P_drho_du;
+    out->c = -1.0;
     return SPHPA_OK;
 }
 
@@ -3886,17 +3999,13 @@ SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_eval_any_(const void *material, do
     sphpa_result result = eos->eval(eos->material, rho_s, u, &point);
     if (result != SPHPA_OK) return result;
     out->P = point.P;
-    out->dP_drho = point.dP_drho;
+    out->d1 = point.dP_drho;
+    out->d2 = (double)NAN;
     out->dP_du = point.dP_du;
-    out->c2 = point.c * point.c;
-    out->floor2 = 0.0;
+    out->d2u = 0.0;
+    out->c = point.c;
     return SPHPA_OK;
 }
-
-/* A trial alpha: the bulk's P and dP/dalpha, F and F' of eq. 4. */
-typedef struct sphpa_palpha_point_ {
-    double alpha, P, D, F, dF, c2, floor2;
-} sphpa_palpha_point_;
 
 /* One solve: what is given, and what is counted. */
 typedef struct sphpa_palpha_task_ {
@@ -3904,49 +4013,65 @@ typedef struct sphpa_palpha_task_ {
     const void *material;
     double rho, u, tol;
     double alpha_y, Py, phi_y; /* alpha_old on the curve; HERRMANN: the upper end of its line */
-    double cap;                /* top of the bracket: F(cap) >= 0 */
+    double s_y, cap;           /* s_y: its t (HERRMANN); cap: top of the bracket, F(cap) >= 0 */
     int max_iterations, evaluations, iterations, fell_back;
-    bool one_root; /* known: rho_s dPeos/drho_s >= Peos on the whole bracket */
+    double kink, floor2; /* alpha where the matrix is at rho0; floor of its c^2 */
+    double rising; /* known: rho_s dPeos/drho_s >= Peos for every alpha from here up */
     sphpa_result result;
 } sphpa_palpha_task_;
 
+/* A trial alpha: the matrix there, the bulk's P, and F of eq. 4. */
+typedef struct sphpa_palpha_point_ {
+    sphpa_palpha_matrix_ matrix;
+    double alpha, P, F, slope; /* slope: dalpha/dP of what P asks for */
+} sphpa_palpha_point_;
+
+SPHPA_NO_INLINE_ double sphpa_palpha_target_line_(const sphpa_palpha_task_ *task, double P,
+                                                  double *slope) {
+    if (P <= 0.0) return task->cap;
+    double phi = task->phi_y - task->Py + P;
+    double alpha = sphpa_crush_line_solve_(task->shape, phi, task->alpha_y, task->cap);
+    *slope = sphpa_crush_line_slope_(task->shape, alpha);
+    return alpha;
+}
+
 /* alpha that P asks for: min(curve, alpha_old), or the elastic line */
-SPHPA_FORCE_INLINE_ double sphpa_palpha_target_(const sphpa_palpha_task_ *task, double P,
-                                                double *slope) {
-    if (task->shape->herrmann && P <= task->Py) {
-        *slope = 0.0;
-        if (P <= 0.0) return task->cap;
-        double alpha = sphpa_crush_line_solve_(task->shape, task->phi_y - task->Py + P,
-                                               task->alpha_y, task->cap);
-        *slope = sphpa_crush_line_slope_(task->shape, alpha);
-        return alpha;
-    }
-    double alpha = sphpa_crush_curve_(task->shape, P, slope);
+SPHPA_FORCE_INLINE_ double sphpa_palpha_target_(const sphpa_palpha_task_ *task,
+                                                sphpa_crush_way_ way, double P, double *slope) {
+    *slope = 0.0;
+    if (way == SPHPA_CRUSH_ANY_ && task->shape->herrmann && P <= task->Py)
+        return sphpa_palpha_target_line_(task, P, slope);
+    double alpha = sphpa_crush_curve_(task->shape, way, P, slope);
     if (alpha < task->alpha_y) return alpha;
     *slope = 0.0;
     return task->alpha_y;
 }
 
-/* eq. 1, 4 at alpha; false and task->result when the equation of state fails */
-SPHPA_FORCE_INLINE_ bool sphpa_palpha_at_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
-                                          double alpha, sphpa_palpha_point_ *point) {
-    sphpa_palpha_matrix_ matrix;
+/* the matrix at alpha; false and task->result when the equation of state fails */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_matrix_at_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
+                                                 double alpha, sphpa_palpha_point_ *point) {
     task->evaluations++;
-    task->result = eval(task->material, alpha * task->rho, task->u, &matrix);
-    if (task->result != SPHPA_OK) return false;
-    double inv_alpha = 1.0 / alpha, slope;
-    point->alpha = alpha;
-    point->P = matrix.P * inv_alpha;
-    point->D = (task->rho * matrix.dP_drho - point->P) * inv_alpha;
-    point->c2 = matrix.c2;
-    point->floor2 = matrix.floor2;
-    if (!sphpa_finite_(point->P + point->D)) {
+    task->result = eval(task->material, alpha * task->rho, task->u, &point->matrix);
+    if (task->result == SPHPA_OK && !sphpa_finite_(point->matrix.P))
         task->result = SPHPA_ERROR_NOT_FINITE;
-        return false;
-    }
-    point->F = alpha - sphpa_palpha_target_(task, point->P, &slope);
-    point->dF = 1.0 - slope * point->D;
+    point->alpha = alpha;
+    return task->result == SPHPA_OK;
+}
+
+/* eq. 1, 4 at alpha */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_at_(sphpa_palpha_eval_ eval, sphpa_crush_way_ way,
+                                          sphpa_palpha_task_ *task, double alpha,
+                                          sphpa_palpha_point_ *point) {
+    if (!sphpa_palpha_matrix_at_(eval, task, alpha, point)) return false;
+    point->P = point->matrix.P / alpha;
+    point->F = alpha - sphpa_palpha_target_(task, way, point->P, &point->slope);
     return true;
+}
+
+/* F' of eq. 4 */
+SPHPA_FORCE_INLINE_ double sphpa_palpha_dF_(const sphpa_palpha_task_ *task,
+                                            const sphpa_palpha_point_ *point) {
+    return 1.0 - point->slope * (task->rho * point->matrix.d1 - point->P) / point->alpha;
 }
 
 /* a step of this size or less is none: the tolerance, or what rounding leaves of it */
@@ -3956,39 +4081,52 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_small_(const sphpa_palpha_task_ *task, d
 
 /* ---- GASPHiA's solvers ----------------------------------------------------------------------- */
 
-/* Bisection of [1, alpha_old] until b - a <= tol. Only the top is tried first: a state that does
-   not crush must keep its alpha to the last bit. */
-SPHPA_FORCE_INLINE_ void sphpa_palpha_bisect_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
+/* Both ends first: a state that does not crush keeps its alpha to the last bit, one that closes all
+   pores is 1. True: *point is the answer, or the evaluation failed. */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_ends_(sphpa_palpha_eval_ eval, sphpa_crush_way_ way,
+                                            sphpa_palpha_task_ *task,
+                                            sphpa_palpha_point_ *point) {
+    sphpa_palpha_point_ closed;
+    if (!sphpa_palpha_at_(eval, way, task, task->cap, point) || point->F <= 0.0) return true;
+    if (!sphpa_palpha_at_(eval, way, task, 1.0, &closed)) return true;
+    if (!(closed.F >= 0.0)) return false;
+    *point = closed;
+    return true;
+}
+
+/* Halves [a, b], F(a) < 0 < F(b), until b - a <= tol. */
+SPHPA_FORCE_INLINE_ void sphpa_palpha_bisect_(sphpa_palpha_eval_ eval, sphpa_crush_way_ way,
+                                              sphpa_palpha_task_ *task,
                                               sphpa_palpha_point_ *point) {
     double a = 1.0, b = task->cap;
-    if (!sphpa_palpha_at_(eval, task, b, point) || point->F <= 0.0) return;
     while (b - a > sphpa_palpha_small_(task, b)) {
+        sphpa_palpha_point_ middle;
         task->iterations++;
-        if (!sphpa_palpha_at_(eval, task, 0.5 * (a + b), point) || point->F == 0.0) return;
-        if (point->F > 0.0) b = point->alpha;
-        else a = point->alpha;
+        if (!sphpa_palpha_at_(eval, way, task, 0.5 * (a + b), &middle)) return;
+        if (middle.F >= 0.0) b = middle.alpha;
+        if (middle.F <= 0.0) a = middle.alpha;
     }
-    /* F(1) <= 0 always: where a never moved, 1 itself is the root or within tol of it */
-    (void)sphpa_palpha_at_(eval, task, a > 1.0 ? 0.5 * (a + b) : 1.0, point);
+    (void)sphpa_palpha_at_(eval, way, task, 0.5 * (a + b), point);
 }
 
 /* Newton from alpha_old. The derivative of F jumps at Pe, at Ps and at alpha_old, so next to these
    the iteration may hop between two points for ever. The best point is kept for the caller. */
-SPHPA_FORCE_INLINE_ void sphpa_palpha_newton_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
+SPHPA_FORCE_INLINE_ void sphpa_palpha_newton_(sphpa_palpha_eval_ eval, sphpa_crush_way_ way,
+                                              sphpa_palpha_task_ *task,
                                               sphpa_palpha_point_ *point) {
-    double alpha = task->cap;
-    sphpa_palpha_point_ trial;
+    sphpa_palpha_point_ trial = *point; /* alpha_old */
+    double alpha = trial.alpha;
     for (int k = 0; k < task->max_iterations; k++) {
         task->iterations++;
-        if (!sphpa_palpha_at_(eval, task, alpha, &trial)) return;
-        if (k == 0 || fabs(trial.F) <= fabs(point->F)) *point = trial;
-        double step = trial.F == 0.0 ? 0.0 : trial.F / trial.dF;
-        if (fabs(step) <= sphpa_palpha_small_(task, alpha)) {
+        if (k > 0 && !sphpa_palpha_at_(eval, way, task, alpha, &trial)) return;
+        if (k > 0 && fabs(trial.F) <= fabs(point->F)) *point = trial;
+        double step = trial.F == 0.0 ? 0.0 : trial.F / sphpa_palpha_dF_(task, &trial);
+        if (fabs(step) <= sphpa_palpha_small_(task, trial.alpha)) {
             *point = trial;
             return;
         }
         /* F' < 1 is possible in expansion: what leaves [1, alpha_old] is put back on its edge */
-        alpha = sphpa_clamp_(alpha - step, 1.0, task->cap);
+        alpha = sphpa_clamp_(trial.alpha - step, 1.0, task->cap);
     }
     task->result = SPHPA_ERROR_NOT_CONVERGED;
 }
@@ -3996,242 +4134,433 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_newton_(sphpa_palpha_eval_ eval, sphpa_pal
 /* Newton that keeps [a, b] around the root: (1) [a, b] = [1, alpha_old], start at alpha_old;
    (2) F > 0: b = alpha, F < 0: a = alpha; (3) Newton's step; (4) outside (a, b) take the middle;
    (5) not converged within the allowed iterations: bisection. */
-SPHPA_FORCE_INLINE_ void sphpa_palpha_safe_newton_(sphpa_palpha_eval_ eval,
+SPHPA_FORCE_INLINE_ void sphpa_palpha_safe_newton_(sphpa_palpha_eval_ eval, sphpa_crush_way_ way,
                                                    sphpa_palpha_task_ *task,
                                                    sphpa_palpha_point_ *point) {
-    double a = 1.0, b = task->cap, alpha = b;
+    double a = 1.0, b = task->cap;
     for (int k = 0; k < task->max_iterations; k++) {
         task->iterations++;
-        if (!sphpa_palpha_at_(eval, task, alpha, point) || point->F == 0.0) return;
-        if (point->F > 0.0) b = alpha;
-        else a = alpha;
-        double next = alpha - point->F / point->dF, small = sphpa_palpha_small_(task, alpha);
-        if (fabs(next - alpha) <= small || b - a <= small) return;
-        alpha = next > a && next < b ? next : 0.5 * (a + b);
+        if (point->F == 0.0) return;
+        if (point->F > 0.0) b = point->alpha;
+        else a = point->alpha;
+        double next = point->alpha - point->F / sphpa_palpha_dF_(task, point);
+        double small = sphpa_palpha_small_(task, point->alpha);
+        if (fabs(next - point->alpha) <= small || b - a <= small) return;
+        if (!(next > a && next < b)) next = 0.5 * (a + b);
+        if (!sphpa_palpha_at_(eval, way, task, next, point)) return;
     }
     task->fell_back = 1;
-    sphpa_palpha_bisect_(eval, task, point);
+    sphpa_palpha_bisect_(eval, way, task, point);
 }
 
 /* ---- the crush-space solver ------------------------------------------------------------------ */
 
-/* HERRMANN: where the linearised matrix meets the elastic line, by one step of Newton on the line
-   from alpha_y or above */
-SPHPA_PRIVATE_ double sphpa_palpha_meet_line_(const sphpa_palpha_task_ *task,
-                                              const sphpa_palpha_point_ *point) {
-    double alpha = sphpa_max_(point->alpha, task->alpha_y);
-    double P = point->P + point->D * (alpha - point->alpha);
-    double miss = P - (task->Py + sphpa_crush_phi_(task->shape, alpha) - task->phi_y);
-    double slope = sphpa_crush_line_slope_(task->shape, alpha);
-    return alpha + miss * slope / (1.0 - slope * point->D);
+/* A place s on the path that (alpha, P) may take: for s <= s_y the curve, s being its t, beyond it
+   Herrmann's line up to P = 0, alpha - alpha_y being s - s_y. P falls and alpha rises with s. */
+typedef struct sphpa_palpha_place_ {
+    double s, alpha, alpha1, alpha2; /* 1, 2: derivatives by s */
+    double P, P1, P2;
+} sphpa_palpha_place_;
+
+SPHPA_NO_INLINE_ sphpa_palpha_place_ sphpa_palpha_path_line_(const sphpa_palpha_task_ *task,
+                                                             double s) {
+    sphpa_palpha_place_ out;
+    out.s = s;
+    out.alpha = task->alpha_y + (s - task->s_y);
+    out.alpha1 = 1.0;
+    out.alpha2 = 0.0;
+    out.P = task->Py + (sphpa_crush_phi_(task->shape, out.alpha) - task->phi_y);
+    out.P1 = sphpa_crush_phi_slopes_(task->shape, out.alpha, &out.P2);
+    return out;
 }
 
-/* Where does the matrix, made linear in alpha at `point`, meet the exact curve (or the elastic
-   line)? Cold rock is so nearly linear over the bracket that two or three of these steps do. 1 says
-   "at full compaction or beyond"; NaN says "no idea". */
-SPHPA_FORCE_INLINE_ double sphpa_palpha_propose_(const sphpa_palpha_task_ *task,
-                                                 const sphpa_palpha_point_ *point) {
+SPHPA_FORCE_INLINE_ sphpa_palpha_place_ sphpa_palpha_path_(const sphpa_palpha_task_ *task,
+                                                           sphpa_crush_way_ way, double s) {
     const sphpa_crush_shape_ *shape = task->shape;
-    double alpha_y = task->alpha_y, next;
-    if (!(point->D >= 0.0)) /* in expansion P may fall where alpha rises */
-        return point->dF > 0.0 ? point->alpha - point->F / point->dF : (double)NAN;
-    if (shape->herrmann && point->P + point->D * (alpha_y - point->alpha) < task->Py)
-        return sphpa_max_(sphpa_palpha_meet_line_(task, point), alpha_y);
-    if (shape->function != NULL) {
-        next = sphpa_crush_meet_user_(shape, point->alpha, point->P, point->D);
-    } else {
-        double M = point->D * (point->alpha - 1.0) + (shape->Ps - point->P);
-        double guess = (shape->Ps - point->P) * shape->inv_R;
-        next = sphpa_crush_of_t_(shape, sphpa_crush_meet_(shape, point->D, shape->R, M, guess));
-    }
-    return sphpa_min_(next, alpha_y);
+    if (way == SPHPA_CRUSH_ANY_ && shape->herrmann && s > task->s_y)
+        return sphpa_palpha_path_line_(task, s);
+    sphpa_crush_place_ place = sphpa_crush_at_(shape, way, s);
+    sphpa_palpha_place_ out;
+    out.s = s;
+    out.alpha = place.alpha;
+    out.alpha1 = place.d1;
+    out.alpha2 = place.d2;
+    out.P = shape->Ps - shape->R * s;
+    out.P1 = -shape->R;
+    out.P2 = 0.0;
+    return out;
 }
 
-/* The last step, of `small` or less: along the tangent, which is exact to rounding. False where F
-   does not agree that this is a root (a step may be short because the model is bad there). */
-SPHPA_FORCE_INLINE_ bool sphpa_palpha_settle_(const sphpa_palpha_task_ *task, double alpha,
-                                              double small, sphpa_palpha_point_ *point) {
-    double slope, P = point->P + point->D * (alpha - point->alpha);
-    double F = alpha - sphpa_palpha_target_(task, P, &slope);
-    double steep = sphpa_max_(fabs(point->dF), fabs(1.0 - slope * point->D));
-    if (fabs(F) > 1e-6 * (task->shape->alpha0 - 1.0) && fabs(F) > 100.0 * small * steep)
-        return false;
-    point->P = P;
-    point->F = F;
+/* Peos as a function of alpha, made a parabola. */
+typedef struct sphpa_palpha_parabola_ {
+    double alpha, Y, Y1, Y2;
+} sphpa_palpha_parabola_;
+
+/* H(s) = Peos(alpha rho, u) - alpha P along the path has the sign of F, and no kink where F has one.
+   Its value and derivatives, and the step of third order to H = 0. */
+typedef struct sphpa_palpha_step_ {
+    double H, H1, H2, ds;
+} sphpa_palpha_step_;
+
+SPHPA_FORCE_INLINE_ sphpa_palpha_step_ sphpa_palpha_step_of_(const sphpa_palpha_parabola_ *matrix,
+                                                             const sphpa_palpha_place_ *at) {
+    double d = at->alpha - matrix->alpha, fall = matrix->Y1 + d * matrix->Y2 - at->P;
+    sphpa_palpha_step_ out;
+    out.H = matrix->Y + d * (matrix->Y1 + 0.5 * d * matrix->Y2) - at->alpha * at->P;
+    out.H1 = at->alpha1 * fall - at->alpha * at->P1;
+    out.H2 = at->alpha2 * fall + at->alpha1 * (at->alpha1 * matrix->Y2 - 2.0 * at->P1) -
+             at->alpha * at->P2;
+    out.ds = sphpa_crush_halley_(out.H, out.H1, out.H2);
+    return out;
+}
+
+/* Y around a point; where the equation of state gives no second derivative, that of the parabola
+   through `before` as well (NULL, or the same place: none) */
+SPHPA_FORCE_INLINE_ sphpa_palpha_parabola_ sphpa_palpha_parabola_of_(
+    const sphpa_palpha_task_ *task, const sphpa_palpha_point_ *point,
+    const sphpa_palpha_parabola_ *before) {
+    sphpa_palpha_parabola_ out;
+    out.alpha = point->alpha;
+    out.Y = point->matrix.P;
+    out.Y1 = task->rho * point->matrix.d1;
+    out.Y2 = task->rho * task->rho * point->matrix.d2;
+    if (sphpa_finite_(out.Y2)) return out;
+    double d = before != NULL ? before->alpha - out.alpha : 0.0;
+    out.Y2 = d != 0.0 ? 2.0 * ((before->Y - out.Y) / d - out.Y1) / d : 0.0;
+    if (!sphpa_finite_(out.Y2)) out.Y2 = 0.0;
+    return out;
+}
+
+/* Where does the matrix, seen from alpha_old, meet the path? By its tangent first, then by its
+   parabola. Cold rock is so nearly a parabola that this is the answer to nine digits. */
+SPHPA_FORCE_INLINE_ double sphpa_palpha_guess_(const sphpa_palpha_task_ *task,
+                                               sphpa_crush_way_ way, double P,
+                                               const sphpa_palpha_parabola_ *matrix) {
+    const sphpa_crush_shape_ *shape = task->shape;
+    bool closed = way != SPHPA_CRUSH_ANY_ || shape->function == NULL;
+    if (way == SPHPA_CRUSH_ANY_ && shape->herrmann) return task->s_y;
+    double D = (matrix->Y1 - P) / matrix->alpha, s = (shape->Ps - P) * shape->inv_R;
+    if (closed && D > 0.0) {
+        double M = D * (matrix->alpha - 1.0) + (shape->Ps - P);
+        s = sphpa_crush_meet_(shape, way, D, shape->R, M);
+    }
+    if (!(s > 0.0)) return 0.0;
+    for (int k = 0; k < (way == SPHPA_CRUSH_SQUARE_ ? 1 : 3); k++) {
+        sphpa_palpha_place_ at = sphpa_palpha_path_(task, way, s);
+        double ds = sphpa_palpha_step_of_(matrix, &at).ds;
+        if (!(fabs(ds) < 1.0)) break;
+        s = sphpa_clamp_(s + ds, 0.0, 1.0);
+    }
+    return s;
+}
+
+/* The answer is at `to` on the path, a small step from *point: everything along the parabola. P is
+   the path's or the matrix's, whichever a last error in alpha moves less. */
+SPHPA_FORCE_INLINE_ void sphpa_palpha_settle_(const sphpa_palpha_task_ *task, sphpa_crush_way_ way,
+                                              const sphpa_palpha_parabola_ *matrix,
+                                              const sphpa_palpha_place_ *to,
+                                              sphpa_palpha_point_ *point) {
+    double alpha = sphpa_min_(to->alpha, task->cap), d = alpha - point->alpha;
+    double Y = matrix->Y + d * (matrix->Y1 + 0.5 * d * matrix->Y2), P = Y / alpha;
+    point->matrix.P = Y;
+    point->matrix.d1 += d * task->rho * point->matrix.d2;
+    point->matrix.dP_du += d * task->rho * point->matrix.d2u;
     point->alpha = alpha;
+    point->F = alpha - sphpa_palpha_target_(task, way, P, &point->slope);
+    point->P = fabs(to->alpha1 * (matrix->Y1 - P)) > -to->P1 * alpha ? to->P : P;
+}
+
+/* Is there nothing left to gain where the last step moved alpha by `move`, the one before by `last`?
+   The parabola's error grows with the third power of a move, and these two show how fast. */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_last_(double move, double last, double small) {
+    double size = fabs(move), before = fabs(last);
+    return 300.0 * (size * size) * (size * size) <= small * (before * before * before);
+}
+
+/* Where the parabola at hand meets the path: *to, where Halley's step has led, or a second one from
+   there, which has to be a thousand times shorter. */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_meets_(const sphpa_palpha_task_ *task, sphpa_crush_way_ way,
+                                             const sphpa_palpha_parabola_ *matrix,
+                                             const sphpa_palpha_step_ *step, double move,
+                                             double small, sphpa_palpha_place_ *to) {
+    double bend = step->H2 * step->ds;
+    if (way == SPHPA_CRUSH_SQUARE_ &&
+        20.0 * bend * bend * fabs(move) <= small * step->H1 * step->H1)
+        return true; /* Halley's own error */
+    sphpa_palpha_step_ more = sphpa_palpha_step_of_(matrix, to);
+    if (!(fabs(more.ds * to->alpha1) <= 1e-3 * fabs(move)) || to->s + more.ds < 0.0) return false;
+    *to = sphpa_palpha_path_(task, way, to->s + more.ds);
     return true;
 }
 
-/* Newton in alpha between lo and hi, F(lo) <= 0 < F(hi). *point is where the first step starts; hi
-   has been evaluated, lo need not have been where it is 1. A step that leaves the bracket is tried
-   again from the best point known, then the middle is taken. After ten free steps every fourth one
-   halves the bracket, after 22 all of them do. */
-SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
-                                                double lo, double hi,
-                                                sphpa_palpha_point_ *point) {
-    bool lo_known = lo > 1.0;
-    sphpa_palpha_point_ best = *point;
-    for (int k = 0; k < 100; k++) {
-        bool free_step = k < 10 || (k < 22 && k % 4 != 2);
-        double small = sphpa_palpha_small_(task, hi), next = 0.5 * (lo + hi);
-        task->fell_back = k >= 22;
+/* no kink of the matrix between two alphas */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_smooth_(const sphpa_palpha_task_ *task, double a, double b) {
+    return (a < task->kink) == (b < task->kink);
+}
+
+/* Steps along the path between lo and hi, H(lo) <= 0 < H(hi), from s; *point has been evaluated near
+   by. A step that leaves the bracket is tried with the tangent, then the middle is taken; after
+   twelve steps every other one halves. */
+SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_crush_way_ way,
+                                                sphpa_palpha_task_ *task, double lo, double hi,
+                                                double s, sphpa_palpha_point_ *point,
+                                                sphpa_palpha_parabola_ matrix) {
+    bool lo_known = lo > 0.0;
+    double alpha_lo = 1.0, alpha_hi = task->cap, noise = DBL_EPSILON * task->shape->Ps;
+    sphpa_palpha_place_ at = sphpa_palpha_path_(task, way, s), to;
+    double last = at.alpha - point->alpha;
+    bool smooth = sphpa_palpha_smooth_(task, point->alpha, at.alpha);
+    bool third = (way != SPHPA_CRUSH_ANY_ ||
+                  (task->shape->function == NULL && !task->shape->herrmann)) &&
+                 sphpa_finite_(point->matrix.d2);
+    for (int k = 0;; k++) {
         task->iterations++;
-        if (free_step) {
-            next = sphpa_palpha_propose_(task, point);
-            if (!(next > lo && next < hi) && lo_known && best.alpha != point->alpha) {
-                *point = best;
-                next = sphpa_palpha_propose_(task, point);
-            }
-            if (fabs(next - point->alpha) <= small && next >= 1.0) {
-                if (sphpa_palpha_settle_(task, next, small, point)) return;
-                next = 0.5 * (lo + hi);
-            }
-        }
-        if (next <= 1.0 && !lo_known) next = 1.0;
-        else if (!(next > lo && next < hi)) next = 0.5 * (lo + hi);
-        if (!sphpa_palpha_at_(eval, task, next, point) || point->F == 0.0) return;
-        if (!(next > 1.0)) {
-            if (point->F >= 0.0) return;
+        if (!sphpa_palpha_matrix_at_(eval, task, at.alpha, point)) return;
+        matrix = sphpa_palpha_parabola_of_(task, point, &matrix);
+        sphpa_palpha_step_ step = sphpa_palpha_step_of_(&matrix, &at);
+        double small = sphpa_palpha_small_(task, at.alpha);
+        if (step.H > 0.0) {
+            hi = at.s;
+            alpha_hi = at.alpha;
+        } else {
+            lo = at.s;
+            alpha_lo = at.alpha;
             lo_known = true;
         }
-        if (point->F > 0.0) hi = next;
-        else lo = next;
-        if (hi - lo <= small) return;
-        if (fabs(point->F) < fabs(best.F)) best = *point;
+        to = at;
+        if (fabs(step.H) <= noise * at.alpha || !(hi > 0.0) || alpha_hi - alpha_lo <= small) break;
+        double next = at.s + step.ds;
+        bool inside = next > lo && next < hi;
+        to = sphpa_palpha_path_(task, way, next);
+        if (third && fabs(step.ds) <= 1e-7) /* exact where alpha moves by less than s can say */
+            to.alpha = at.alpha + step.ds * (at.alpha1 + 0.5 * step.ds * at.alpha2);
+        double move = to.alpha - at.alpha;
+        if (fabs(step.ds) <= 2.0 * DBL_EPSILON * at.s) break;
+        if (fabs(move) <= small && next >= 0.0 && fabs(step.ds) < 1.0) break;
+        smooth = smooth && inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
+        if (third && smooth && sphpa_palpha_last_(move, last, small) &&
+            sphpa_palpha_meets_(task, way, &matrix, &step, move, small, &to))
+            break;
+        task->fell_back = k >= 12;
+        if (k == 100) {
+            task->result = SPHPA_ERROR_NOT_CONVERGED;
+            break;
+        }
+        if (!inside || k >= 12) {
+            if (!inside) next = at.s - step.H / step.H1;
+            if (next <= 0.0 && !lo_known) next = 0.0;
+            else if (!(next > lo && next < hi) || k % 2 == 0) next = 0.5 * (lo + hi);
+            to = sphpa_palpha_path_(task, way, next);
+            smooth = inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
+        } else smooth = sphpa_palpha_smooth_(task, at.alpha, to.alpha);
+        last = to.alpha - at.alpha;
+        at = to;
     }
-    task->result = SPHPA_ERROR_NOT_CONVERGED;
+    sphpa_palpha_settle_(task, way, &matrix, &to, point);
 }
 
-/* May P fall between two points though it rises at both? The cubic through them does not where both
-   slopes are below three times the chord's in the mean square (Fritsch & Carlson 1980). */
-SPHPA_FORCE_INLINE_ bool sphpa_palpha_bends_(const sphpa_palpha_point_ *lo,
-                                             const sphpa_palpha_point_ *hi) {
-    double width = hi->alpha - lo->alpha, rise = hi->P - lo->P, a = lo->D * width,
-           b = hi->D * width;
-    return a > 0.0 && b > 0.0 && !(rise > 0.0 && a * a + b * b <= 9.0 * rise * rise);
+/* ---- where F may have several zeros ---------------------------------------------------------- */
+
+/* H and two derivatives at a place of the path. */
+typedef struct sphpa_palpha_knot_ {
+    sphpa_palpha_place_ at;
+    sphpa_palpha_parabola_ matrix;
+    sphpa_palpha_step_ step;
+} sphpa_palpha_knot_;
+
+/* What the polynomials through two knots say of H between them: the lowest place of that of fifth
+   degree (values and two derivatives; of third degree without the second ones), in how far the next
+   lower degree disagrees, and whether it falls anywhere. */
+typedef struct sphpa_palpha_span_ {
+    double lowest, at, doubt;
+    bool falls;
+} sphpa_palpha_span_;
+
+SPHPA_PRIVATE_ sphpa_palpha_span_ sphpa_palpha_span_of_(const sphpa_palpha_step_ *lo,
+                                                        const sphpa_palpha_step_ *hi, double h,
+                                                        bool third) {
+    double rise = hi->H - lo->H, a = h * lo->H1, b = h * hi->H1, before = lo->H;
+    double c2 = 3.0 * rise - 2.0 * a - b, c3 = a + b - 2.0 * rise; /* H0 + a x + c2 x^2 + c3 x^3 */
+    double e0 = 0.5 * (h * h * lo->H2 - 2.0 * c2), e1 = 0.5 * (h * h * hi->H2 - 2.0 * c2 - 6.0 * c3);
+    sphpa_palpha_span_ out;
+    out.lowest = sphpa_min_(lo->H, hi->H);
+    out.at = 0.5;
+    out.doubt = 0.0;
+    out.falls = a < 0.0 || b < 0.0;
+    for (int k = 1; k <= 16; k++) {
+        double x = k / 16.0, y = 1.0 - x, bump = x * x * y * y;
+        double cubic = lo->H + x * (a + x * (c2 + x * c3)), line = lo->H + x * rise;
+        double more = bump * (e0 * y + e1 * x), H = third ? cubic + more : cubic;
+        out.doubt = sphpa_max_(out.doubt, fabs(third ? more : cubic - line));
+        if (H < before) out.falls = true;
+        before = H;
+        if (H < out.lowest) {
+            out.lowest = H;
+            out.at = x;
+        }
+    }
+    return out;
 }
 
-/* No zero of F lies between two points with F > 0: no P there is so low that the curve gives back an
-   alpha of lo or more. Lowest is P at the end that its slopes point to. In a dip it is not below the
-   tangents at both ends if P is convex there, which is believed of a dip of 1/64 of the bracket. */
-SPHPA_FORCE_INLINE_ bool sphpa_palpha_clear_(const sphpa_palpha_task_ *task,
-                                             const sphpa_palpha_point_ *lo,
-                                             const sphpa_palpha_point_ *hi) {
-    double slope, P = sphpa_min_(lo->P, hi->P), width = hi->alpha - lo->alpha;
-    bool dip = lo->D < 0.0 && hi->D > 0.0;
-    if ((dip || sphpa_palpha_bends_(lo, hi)) && 64.0 * width > task->cap - 1.0) return false;
-    if (dip) P = sphpa_min_(P, sphpa_max_(lo->P + lo->D * width, hi->P - hi->D * width));
-    return lo->alpha > sphpa_palpha_target_(task, P, &slope);
+/* evaluates H at s */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_knot_at_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
+                                               double s, sphpa_palpha_point_ *point,
+                                               sphpa_palpha_knot_ *knot) {
+    knot->at = sphpa_palpha_path_(task, SPHPA_CRUSH_ANY_, s);
+    if (!sphpa_palpha_matrix_at_(eval, task, knot->at.alpha, point)) return false;
+    knot->matrix = sphpa_palpha_parabola_of_(task, point, NULL);
+    knot->step = sphpa_palpha_step_of_(&knot->matrix, &knot->at);
+    return true;
 }
 
-/* The highest place between lo and *hi that is found with F <= 0, F > 0 at both: halves, or nearer to
-   where P is lowest, until all is clear. True: it is *low, and nothing lies between *hi and the F > 0
-   that was there. False: there is none, *hi is lo; or an evaluation failed. */
-SPHPA_FORCE_INLINE_ bool sphpa_palpha_dip_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
-                                           sphpa_palpha_point_ lo, sphpa_palpha_point_ *hi,
-                                           sphpa_palpha_point_ *low) {
-    sphpa_palpha_point_ pile[16];
-    const int most = (int)(sizeof pile / sizeof pile[0]);
-    int depth = 1, left = 4 * most;
-    pile[0] = lo;
-    while (depth > 0) {
-        lo = pile[depth - 1];
-        if (depth == most || left == 0 || sphpa_palpha_clear_(task, &lo, hi)) {
-            *hi = lo;
-            depth--;
+/* the place on the path with this alpha */
+SPHPA_PRIVATE_ double sphpa_palpha_where_(const sphpa_palpha_task_ *task, double alpha) {
+    if (task->shape->herrmann && alpha > task->alpha_y) return task->s_y + (alpha - task->alpha_y);
+    return alpha >= task->shape->top ? 1.0 : sphpa_crush_invert_(task->shape, alpha);
+}
+
+/* The first places to look at between 0 and top, from 0 up: quarters, and the path's kinks. */
+enum { SPHPA_PALPHA_PLACES_ = 6, SPHPA_PALPHA_SCAN_ = 26 };
+
+SPHPA_PRIVATE_ int sphpa_palpha_places_(const sphpa_palpha_task_ *task, double top,
+                                        sphpa_palpha_knot_ *pile) {
+    const double kinks[2] = {task->shape->t_of_Pt, task->shape->herrmann ? task->s_y : 0.0};
+    int count = 4;
+    for (int k = 0; k < 4; k++) pile[k].at.s = 0.25 * k * top;
+    for (int j = 0; j < 2; j++) {
+        int k = count;
+        if (!(kinks[j] > 0.0 && kinks[j] < top)) continue;
+        for (; pile[k - 1].at.s > kinks[j]; k--) pile[k].at.s = pile[k - 1].at.s;
+        pile[k].at.s = kinks[j];
+        count++;
+    }
+    for (int k = 0; k < count; k++) pile[k].at.alpha = 0.0; /* not evaluated yet */
+    return count;
+}
+
+/* what is known between two knots; on a kink the slopes are those of the side that looks upwards */
+SPHPA_PRIVATE_ sphpa_palpha_span_ sphpa_palpha_between_(const sphpa_palpha_task_ *task,
+                                                        const sphpa_palpha_knot_ *below,
+                                                        const sphpa_palpha_knot_ *above,
+                                                        bool third) {
+    double s = below->at.s;
+    sphpa_palpha_step_ up = below->step;
+    if (s == task->shape->t_of_Pt || (task->shape->herrmann && s == task->s_y)) {
+        sphpa_palpha_place_ at =
+            sphpa_palpha_path_(task, SPHPA_CRUSH_ANY_, s * (1.0 + 2.0 * DBL_EPSILON));
+        up = sphpa_palpha_step_of_(&below->matrix, &at);
+    }
+    return sphpa_palpha_span_of_(&up, &above->step, above->at.s - s, third);
+}
+
+/* H(below) <= 0 < H(above): the bracket, and where to go on in it: Halley from the nearer end */
+SPHPA_PRIVATE_ bool sphpa_palpha_found_(const sphpa_palpha_knot_ *below,
+                                        const sphpa_palpha_knot_ *above, double *lo, double *hi,
+                                        double *s, sphpa_palpha_point_ *point) {
+    const sphpa_palpha_knot_ *near = -below->step.H < above->step.H ? below : above;
+    *lo = below->at.s;
+    *hi = above->at.s;
+    *s = near->at.s + near->step.ds;
+    if (!(*s > *lo && *s < *hi)) *s = 0.5 * (*lo + *hi);
+    point->alpha = near->at.alpha;
+    return true;
+}
+
+/* Narrows [*lo, *hi] to the highest zero of H: down the path from *hi, where H > 0 (*from is there),
+   through knots that split it so often that the polynomials between them leave no doubt of where H
+   is positive. Of a pair of zeros one may be missed where H is so nearly 0 between them that 26
+   evaluations do not tell. *s: where to go on. False: an evaluation failed, or alpha is 1. */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_scan_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
+                                            const sphpa_palpha_parabola_ *from, double *lo,
+                                            double *hi, double *s, sphpa_palpha_point_ *point) {
+    sphpa_palpha_knot_ pile[SPHPA_PALPHA_PLACES_ + SPHPA_PALPHA_SCAN_], above;
+    bool third = task->shape->function == NULL && sphpa_finite_(point->matrix.d2);
+    int depth;
+    above.at = sphpa_palpha_path_(task, SPHPA_CRUSH_ANY_, *hi);
+    above.step = sphpa_palpha_step_of_(from, &above.at);
+    if (task->rising < task->cap) { /* above it there is one zero at most */
+        double rising = sphpa_palpha_where_(task, task->rising);
+        if (!sphpa_palpha_knot_at_(eval, task, rising, point, &pile[0])) return false;
+        if (pile[0].step.H <= 0.0) return sphpa_palpha_found_(&pile[0], &above, lo, hi, s, point);
+        above = pile[0];
+        *hi = rising;
+    }
+    for (depth = sphpa_palpha_places_(task, *hi, pile); depth > 0;) {
+        sphpa_palpha_knot_ *below = &pile[depth - 1];
+        if (!(below->at.alpha > 0.0) &&
+            !sphpa_palpha_knot_at_(eval, task, below->at.s, point, below))
+            return false;
+        sphpa_palpha_span_ span = sphpa_palpha_between_(task, below, &above, third);
+        double h = above.at.s - below->at.s, x = 0.5;
+        bool zero = below->step.H <= 0.0, enough = task->evaluations >= SPHPA_PALPHA_SCAN_;
+        bool clear = span.lowest > 3.0 * span.doubt;
+        if (zero) clear = !span.falls && span.doubt <= 0.02 * (above.step.H - below->step.H);
+        if (!clear && !enough && h > 1e-9 * *hi) { /* look between them */
+            if (span.at > 0.0 && span.at < 1.0) x = span.at;
+            if (!sphpa_palpha_knot_at_(eval, task, below->at.s + x * h, point, &pile[depth]))
+                return false;
+            depth++;
             continue;
         }
-        double share = lo.D < 0.0 && hi->D > 0.0 ? lo.D / (lo.D - hi->D) : 0.5;
-        share = sphpa_clamp_(share, 0.1, 0.9);
-        left--;
-        if (!sphpa_palpha_at_(eval, task, lo.alpha + share * (hi->alpha - lo.alpha), low))
-            return false;
-        if (low->F <= 0.0) return true;
-        pile[depth++] = *low;
+        if (zero) return sphpa_palpha_found_(below, &above, lo, hi, s, point);
+        above = *below;
+        depth--;
     }
+    (void)sphpa_palpha_at_(eval, SPHPA_CRUSH_ANY_, task, 1.0, point);
     return false;
 }
 
-/* *lo with F <= 0 and *hi with F > 0 hold an odd number of zeros: halves while P falls with alpha at
-   an end or may between them, so that the highest one is alone. False: an evaluation failed. */
-SPHPA_FORCE_INLINE_ bool sphpa_palpha_highest_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
-                                               sphpa_palpha_point_ *lo, sphpa_palpha_point_ *hi) {
-    sphpa_palpha_point_ middle, low;
-    for (int k = 0; k < 6 && lo->F <= 0.0; k++) {
-        if (!(lo->D < 0.0 || hi->D < 0.0 || sphpa_palpha_bends_(lo, hi))) break;
-        if (!sphpa_palpha_at_(eval, task, 0.5 * (lo->alpha + hi->alpha), &middle)) return false;
-        if (middle.F <= 0.0) *lo = middle;
-        else if (sphpa_palpha_dip_(eval, task, middle, hi, &low)) *lo = low;
-        if (task->result != SPHPA_OK) return false;
-    }
-    return true;
-}
-
-/* Where nothing shows that F has one zero only: look inward from the top in eight steps for the first
-   change of sign, and between two of them for dips. A pair of roots is missed where P has a dip that
-   neither the slopes at a step's ends nor the cubic through them tell of, or where the two are within
-   some 1e-6 of the bracket. True: the root is in [*lo, *hi] and `point` is the end with the smaller
-   |F|. False: `point` is the answer, or the evaluation failed. */
-SPHPA_FORCE_INLINE_ bool sphpa_palpha_scan_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
-                                            double *lo, double *hi, sphpa_palpha_point_ *point) {
-    const int steps = 8;
-    double top = task->cap;
-    sphpa_palpha_point_ above = *point, next, low;
-    for (int k = 1; k <= steps; k++) {
-        double alpha = k < steps ? top - (top - 1.0) * k / steps : 1.0;
-        if (!sphpa_palpha_at_(eval, task, alpha, &next)) return false;
-        if (next.F > 0.0 && sphpa_palpha_dip_(eval, task, next, &above, &low)) next = low;
-        if (task->result != SPHPA_OK) return false;
-        if (next.F <= 0.0) {
-            if (!sphpa_palpha_highest_(eval, task, &next, &above)) return false;
-            *lo = next.alpha;
-            *hi = above.alpha;
-            *point = next.F < 0.0 && above.F < -next.F ? above : next;
-            return next.F < 0.0;
-        }
-        above = next;
-    }
-    *point = next;
-    return false; /* F(1) = 0 up to rounding, and point is there */
-}
-
-SPHPA_FORCE_INLINE_ void sphpa_palpha_crush_space_(sphpa_palpha_eval_ eval,
+SPHPA_FORCE_INLINE_ void sphpa_palpha_crush_space_(sphpa_palpha_eval_ eval, sphpa_crush_way_ way,
                                                    sphpa_palpha_task_ *task,
                                                    sphpa_palpha_point_ *point) {
-    double lo = 1.0, hi = task->cap;
-    if (!sphpa_palpha_at_(eval, task, task->cap, point) || point->F <= 0.0) return;
-    if (!task->one_root && !sphpa_palpha_scan_(eval, task, &lo, &hi, point)) return;
-    sphpa_palpha_close_in_(eval, task, lo, hi, point);
+    double lo = 0.0, hi = 1.0, s;
+    if (way == SPHPA_CRUSH_ANY_ && task->shape->herrmann)
+        hi = task->s_y + (task->cap - task->alpha_y);
+    if (!sphpa_palpha_at_(eval, way, task, task->cap, point) || point->F <= 0.0) return;
+    sphpa_palpha_parabola_ matrix = sphpa_palpha_parabola_of_(task, point, NULL);
+    if (task->rising > 1.0) {
+        hi = sphpa_palpha_where_(task, task->cap);
+        if (!sphpa_palpha_scan_(eval, task, &matrix, &lo, &hi, &s, point)) return;
+    } else {
+        s = sphpa_palpha_guess_(task, way, point->P, &matrix);
+    }
+    sphpa_palpha_close_in_(eval, way, task, lo, hi, s, point, matrix);
 }
 
 /* ---- calls ----------------------------------------------------------------------------------- */
 
-/* Is rho_s dPeos/drho_s >= Peos, so that P of eq. 1 never falls with alpha, for every density from
-   rho up? Cold (and compressed): the difference is A + B (eta^2 - 1) plus 2 b rho u (w - 1)/w^2.
-   Vapour: divided by exp(-alpha z^2), and with the gas term of the first kind dropped, it is at
-   least 2 alpha z [b rho0 u/w - A m], w at its largest (at rho), where m bounds
-   exp(-beta z)(beta z + 2 alpha z^2 - 1)/(2 alpha z) and is at most
-   (1/e + 0.0758 beta^2/(2 alpha))/beta. The hybrid state blends the two at constant u. A cut-off
-   only acts below Pe, where F does not see P. */
-SPHPA_PRIVATE_ bool sphpa_palpha_one_root_(const sphpa_tillotson *mat, double rho, double u) {
-    double eta = rho / mat->rho0;
-    if (mat->B < 0.0 || eta >= 1.0) return mat->B >= 0.0; /* B < 0: it falls somewhere above */
-    bool cold = mat->zero_B_expanded != 0 || mat->A + mat->B * (eta * eta - 1.0) >= 0.0;
-    if (u <= mat->u_iv) return cold;
-    if (!cold && u < mat->u_cv) return false;
-    if (!(mat->alpha > 0.0 && mat->beta > 0.0)) return false;
-    double m = (0.3679 + 0.0379 * mat->beta * mat->beta / mat->alpha) / mat->beta;
-    double heat = mat->E0 * eta * eta;
-    return mat->b * mat->rho0 * u * heat >= mat->A * m * (heat + u);
+/* The alpha from which up rho_s dPeos/drho_s >= Peos, so that P of eq. 1 never falls with alpha; 0:
+   for every alpha >= 1. Cold (and compressed): the difference is A + B (eta^2 - 1), and a thermal
+   2 b rho u f (1 - f), f = 1/w. Vapour: divided by exp(-alpha z^2) it is b rho0 u f and more, less A
+   exp(-beta z)(beta z + 2 alpha z^2 - 1), which is negative up to z1 = (sqrt(beta^2 + 8 alpha) -
+   beta)/(4 alpha). Beyond it the first has to hold the second: with f at its least (at rho), and
+   exp(-beta z)(..)/(2 alpha z) at most (1/e + 0.0758 beta^2/(2 alpha))/beta. The hybrid state blends
+   the two at constant u. A cut-off only acts below Pe, where F does not see P. */
+SPHPA_PRIVATE_ double sphpa_palpha_rising_(const sphpa_tillotson *mat, double rho, double u) {
+    double eta = rho / mat->rho0, from = 0.0;
+    if (mat->B < 0.0) return HUGE_VAL; /* it falls somewhere above */
+    if (eta >= 1.0) return 0.0;
+    if (u < mat->u_cv && mat->B > mat->A && mat->zero_B_expanded == 0) {
+        double lost = mat->B - mat->A;
+        if (mat->B * eta * eta < lost) from = sqrt(lost / mat->B);
+    }
+    if (u > mat->u_iv) {
+        double alpha = mat->alpha, beta = mat->beta, heat = mat->E0 * eta * eta;
+        double m = (0.3679 + 0.0379 * beta * beta / alpha) / beta; /* alpha or beta 0: infinite */
+        if (!(mat->b * mat->rho0 * u * heat >= mat->A * m * (heat + u))) {
+            double z1 = 2.0 / (beta + sqrt(beta * beta + 8.0 * alpha));
+            from = sphpa_max_(from, 1.0 / (1.0 + z1));
+        }
+    }
+    return from > eta ? from / eta : 0.0;
 }
 
-SPHPA_PRIVATE_ bool sphpa_palpha_one_root_any_(const sphpa_eos *eos, double rho, double u) {
-    if (eos->eval == sphpa_tillotson_eval_any_)
-        return sphpa_palpha_one_root_((const sphpa_tillotson *)eos->material, rho, u);
-    if (eos->eval == sphpa_ideal_eval_any_) return true;
-    if (eos->eval == sphpa_murnaghan_eval_any_)
-        return ((const sphpa_murnaghan *)eos->material)->n >= 1.0;
-    return false;
+SPHPA_PRIVATE_ double sphpa_palpha_rising_any_(const sphpa_eos *eos) {
+    if (eos->eval == sphpa_ideal_eval_any_) return 0.0;
+    if (eos->eval == sphpa_murnaghan_eval_any_ &&
+        ((const sphpa_murnaghan *)eos->material)->n >= 1.0)
+        return 0.0;
+    return HUGE_VAL;
 }
 
 SPHPA_PRIVATE_ bool sphpa_palpha_material_ok_(const sphpa_tillotson *mat) {
@@ -4268,7 +4597,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_palpha_open_(sphpa_palpha_solver solver, const
         if (opt->tol > 0.0) call->tol = opt->tol;
         if (opt->max_iterations > 0) call->max_iterations = opt->max_iterations;
     }
-    call->shape = sphpa_crush_shape_of_(curve);
+    sphpa_crush_shape_of_(curve, &call->shape);
     return SPHPA_OK;
 }
 
@@ -4282,39 +4611,53 @@ SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_begin_(const sphpa_palpha_call_ *c
     if (!(rho > 0.0) || u < 0.0) return SPHPA_ERROR_NEGATIVE;
     if (alpha_old < 1.0 - 4.0 * DBL_EPSILON || alpha_old > alpha0 + 4.0 * DBL_EPSILON * alpha0)
         return SPHPA_ERROR_ALPHA;
-    memset(task, 0, sizeof *task);
     task->shape = &call->shape;
+    task->evaluations = task->iterations = task->fell_back = 0;
+    task->rising = HUGE_VAL;
+    task->result = SPHPA_OK;
     task->material = material;
     task->rho = rho;
     task->u = u;
     task->tol = call->tol;
     task->max_iterations = call->max_iterations;
     task->alpha_y = task->cap = sphpa_clamp_(alpha_old, 1.0, alpha0);
+    task->kink = HUGE_VAL;
+    task->floor2 = task->s_y = 0.0;
     if (call->shape.herrmann) {
         sphpa_crush_line_ line = sphpa_crush_line_of_(&call->shape, task->alpha_y);
         task->alpha_y = line.alpha_y;
         task->Py = line.Py;
         task->phi_y = line.phi_y;
+        task->s_y = (call->shape.Ps - line.Py) * call->shape.inv_R;
         task->cap = line.rest;
     }
     return SPHPA_OK;
 }
 
+/* the adiabatic speed in the matrix, floored */
+SPHPA_FORCE_INLINE_ double sphpa_palpha_c_(const sphpa_palpha_matrix_ *matrix, double rho_s,
+                                           double floor2) {
+    double inv_rho = 1.0 / rho_s;
+    if (matrix->c >= 0.0) return matrix->c;
+    return sqrt(sphpa_max_(matrix->d1 + (matrix->P * inv_rho) * (matrix->dP_du * inv_rho), floor2));
+}
+
 SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_run_(sphpa_palpha_eval_ eval,
                                                    sphpa_palpha_solver solver,
-                                                   sphpa_palpha_task_ *task,
+                                                   sphpa_crush_way_ way, sphpa_palpha_task_ *task,
                                                    sphpa_palpha_solution *out) {
     sphpa_palpha_point_ point;
-    memset(&point, 0, sizeof point);
-    if (!(task->cap > 1.0)) (void)sphpa_palpha_at_(eval, task, 1.0, &point);
-    else if (solver == SPHPA_PALPHA_BISECTION) sphpa_palpha_bisect_(eval, task, &point);
-    else if (solver == SPHPA_PALPHA_NEWTON) sphpa_palpha_newton_(eval, task, &point);
-    else if (solver == SPHPA_PALPHA_SAFE_NEWTON) sphpa_palpha_safe_newton_(eval, task, &point);
-    else sphpa_palpha_crush_space_(eval, task, &point);
+    if (!(task->cap > 1.0)) (void)sphpa_palpha_at_(eval, way, task, 1.0, &point);
+    else if (solver == SPHPA_PALPHA_CRUSH_SPACE)
+        sphpa_palpha_crush_space_(eval, way, task, &point);
+    else if (sphpa_palpha_ends_(eval, way, task, &point)) (void)0;
+    else if (solver == SPHPA_PALPHA_BISECTION) sphpa_palpha_bisect_(eval, way, task, &point);
+    else if (solver == SPHPA_PALPHA_NEWTON) sphpa_palpha_newton_(eval, way, task, &point);
+    else sphpa_palpha_safe_newton_(eval, way, task, &point);
     if (task->result != SPHPA_OK && task->result != SPHPA_ERROR_NOT_CONVERGED) return task->result;
     out->alpha = point.alpha;
     out->P = point.P;
-    out->c = sqrt(sphpa_max_(point.c2, point.floor2));
+    out->c = sphpa_palpha_c_(&point.matrix, point.alpha * task->rho, task->floor2);
     out->residual = point.F;
     out->evaluations = task->evaluations;
     out->iterations = task->iterations;
@@ -4322,15 +4665,50 @@ SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_run_(sphpa_palpha_eval_ eval,
     return task->result;
 }
 
-SPHPA_PRIVATE_ sphpa_result sphpa_palpha_one_(const sphpa_palpha_call_ *call,
-                                              const sphpa_tillotson *mat, double rho, double u,
-                                              double alpha_old, sphpa_palpha_solution *out) {
+/* Each solver once for each way of a curve, Tillotson's equations inlined, ... */
+#define SPHPA_PALPHA_INSTANCES_(name, solver)                                                      \
+    SPHPA_NO_INLINE_ sphpa_result name(sphpa_palpha_task_ *task, sphpa_palpha_solution *out) {     \
+        sphpa_crush_way_ way = task->shape->way;                                                   \
+        if (way == SPHPA_CRUSH_SQUARE_)                                                            \
+            return sphpa_palpha_run_(sphpa_palpha_eval_tillotson_, solver, SPHPA_CRUSH_SQUARE_,    \
+                                     task, out);                                                   \
+        if (way == SPHPA_CRUSH_POWERS_)                                                            \
+            return sphpa_palpha_run_(sphpa_palpha_eval_tillotson_, solver, SPHPA_CRUSH_POWERS_,    \
+                                     task, out);                                                   \
+        return sphpa_palpha_run_(sphpa_palpha_eval_tillotson_, solver, SPHPA_CRUSH_ANY_, task,     \
+                                 out);                                                             \
+    }
+SPHPA_PALPHA_INSTANCES_(sphpa_palpha_run_crush_space_, SPHPA_PALPHA_CRUSH_SPACE)
+SPHPA_PALPHA_INSTANCES_(sphpa_palpha_run_bisection_, SPHPA_PALPHA_BISECTION)
+SPHPA_PALPHA_INSTANCES_(sphpa_palpha_run_newton_, SPHPA_PALPHA_NEWTON)
+SPHPA_PALPHA_INSTANCES_(sphpa_palpha_run_safe_newton_, SPHPA_PALPHA_SAFE_NEWTON)
+#undef SPHPA_PALPHA_INSTANCES_
+
+SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_one_(const sphpa_palpha_call_ *call,
+                                                   const sphpa_tillotson *mat, double rho,
+                                                   double u, double alpha_old,
+                                                   sphpa_palpha_solution *out) {
     sphpa_palpha_task_ task;
     sphpa_result result = sphpa_palpha_begin_(call, mat, rho, u, alpha_old, &task);
     if (result != SPHPA_OK) return result;
-    if (call->solver == SPHPA_PALPHA_CRUSH_SPACE)
-        task.one_root = sphpa_palpha_one_root_(mat, rho, u);
-    return sphpa_palpha_run_(sphpa_palpha_eval_tillotson_, call->solver, &task, out);
+    task.kink = mat->rho0 / rho;
+    task.floor2 = (mat->c2_floor > 0.0 ? mat->c2_floor : 0.01) * mat->A / mat->rho0;
+    if (call->solver == SPHPA_PALPHA_CRUSH_SPACE) {
+        task.rising = sphpa_palpha_rising_(mat, rho, u);
+        result = sphpa_palpha_run_crush_space_(&task, out);
+    } else if (call->solver == SPHPA_PALPHA_BISECTION) {
+        result = sphpa_palpha_run_bisection_(&task, out);
+    } else if (call->solver == SPHPA_PALPHA_NEWTON) {
+        result = sphpa_palpha_run_newton_(&task, out);
+    } else {
+        result = sphpa_palpha_run_safe_newton_(&task, out);
+    }
+    if (result != SPHPA_OK && result != SPHPA_ERROR_NOT_CONVERGED) return result;
+    if (out->P < 0.0) { /* a cut-off; the pores do not see it: P < Pe either way */
+        double least = sphpa_tillotson_least_(mat, out->alpha * rho) / out->alpha;
+        if (out->P < least) out->P = least;
+    }
+    return result;
 }
 
 SPHPA_DEF const char *sphpa_palpha_solver_name(sphpa_palpha_solver solver) {
@@ -4358,13 +4736,16 @@ SPHPA_DEF sphpa_result sphpa_palpha_solve_eos(sphpa_palpha_solver solver, const 
     sphpa_palpha_call_ call;
     sphpa_palpha_task_ task;
     if (eos == NULL || eos->eval == NULL || out == NULL) return SPHPA_ERROR_MISSING;
+    if (eos->eval == sphpa_tillotson_eval_any_)
+        return sphpa_palpha_solve(solver, (const sphpa_tillotson *)eos->material, curve, rho, u,
+                                  alpha_old, opt, out);
     sphpa_result result = sphpa_palpha_open_(solver, curve, opt, &call);
     if (result != SPHPA_OK) return result;
     result = sphpa_palpha_begin_(&call, eos, rho, u, alpha_old, &task);
     if (result != SPHPA_OK) return result;
-    if (solver == SPHPA_PALPHA_CRUSH_SPACE)
-        task.one_root = eos->material != NULL && sphpa_palpha_one_root_any_(eos, rho, u);
-    return sphpa_palpha_run_(sphpa_palpha_eval_any_, solver, &task, out);
+    if (solver == SPHPA_PALPHA_CRUSH_SPACE && eos->material != NULL)
+        task.rising = sphpa_palpha_rising_any_(eos);
+    return sphpa_palpha_run_(sphpa_palpha_eval_any_, solver, SPHPA_CRUSH_ANY_, &task, out);
 }
 
 SPHPA_PRIVATE_ void sphpa_palpha_stats_clear_(sphpa_palpha_stats *stats, size_t n) {
@@ -4446,7 +4827,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_palpha_slope_at_(const sphpa_tillotson *mat,
     out->dalpha_dP = 0.0;
     out->elastic = true;
     if (!shape->dense && alpha > 1.0) {
-        double slope, on = sphpa_crush_curve_(shape, out->P, &slope);
+        double slope, on = sphpa_crush_curve_(shape, shape->way, out->P, &slope);
         out->elastic = out->P < shape->Pe ||
                        (!on_curve && on > alpha + 1e-6 * (shape->alpha0 - 1.0));
         if (!out->elastic) out->dalpha_dP = slope;

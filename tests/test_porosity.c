@@ -456,7 +456,11 @@ static void judge(tally *t, const ref_state *ref, long double root, double allow
     assert_true(s->alpha >= 1.0 && s->alpha <= (double)ref->cap + above);
     double P_error = fabs(s->P - (double)ref_P(ref, L(s->alpha)));
     double scale = (double)(ref->mat.A + ref->mat.B + 1e4L * ref->u);
-    assert_true(P_error <= 1e-13 * (fabs(s->P) + scale));
+    /* P is that of the root: the matrix's at alpha but for what the tolerance leaves open */
+    double open = fabs((double)(ref_P(ref, L(s->alpha) + 1e-12L) - ref_P(ref, L(s->alpha) - 1e-12L)));
+    if (!(P_error <= 1e-13 * (fabs(s->P) + scale) + open))
+        fail_msg("rho %.17g u %.17g alpha_old %.17g: P %.17g at alpha %.17g is off by %g", (double)ref->rho,
+                 (double)ref->u, (double)ref->alpha_y, s->P, s->alpha, P_error);
     if (fabsl(L(s->alpha) - root) <= L(allowed)) t->right++;
     else if (ref_root_near(ref, L(s->alpha))) t->other++;
     else {
@@ -485,7 +489,7 @@ static void run_solvers(const sphpa_tillotson *mat, const sphpa_crush *curve, in
                 sphpa_eos_point point;
                 assert_int_equal(sphpa_tillotson_eval(mat, out.alpha * s.rho, s.u, &point),
                                  SPHPA_OK);
-                assert_near(out.c, point.c, 1e-9);
+                assert_near(out.c, point.c, 1e-7); /* CRUSH_SPACE: along the last step */
             }
             judge(&tallies[k], &ref, root, allowed, result, &out);
         }
@@ -505,7 +509,7 @@ static void check_solvers(const char *name, int keep_B, const sphpa_crush *curve
         if (one_root) assert_int_equal(t[k].other, 0);
     }
     assert_true(t[SPHPA_PALPHA_NEWTON].failed > n / 20); /* it does cycle */
-    assert_true(t[SPHPA_PALPHA_BISECTION].evaluations_max <= 44);
+    assert_true(t[SPHPA_PALPHA_BISECTION].evaluations_max <= 45);
     assert_true(t[SPHPA_PALPHA_CRUSH_SPACE].evaluations_max <= 40);
 }
 
@@ -710,7 +714,7 @@ static void test_newton_cycles(void **unused) {
     assert_int_equal(sphpa_palpha_solve(SPHPA_PALPHA_NEWTON, &mat, &c, rho, 0.0, c.alpha0, NULL,
                                         &newton), SPHPA_ERROR_NOT_CONVERGED);
     assert_int_equal(newton.iterations, 100);
-    assert_int_equal(newton.evaluations, 100);
+    assert_int_equal(newton.evaluations, 101); /* both ends, the first of them where it starts */
     double best = fmin(fabs(newton.alpha - alpha[38]), fabs(newton.alpha - alpha[39]));
     assert_true(best <= 1e-12);
     ref_state ref = ref_make(&mat, &c, rho, 0.0, c.alpha0);
@@ -804,8 +808,8 @@ static void test_hidden_dips(void **unused) {
     assert_true(hidden > 200);
 }
 
-/* The states that are solved without a look for a second root: of any Tillotson material, where the
-   header says so, P_m(alpha rho, u)/alpha never falls with alpha, rho dP/drho >= P, up to 30 rho. */
+/* Where no second root is looked for: of any Tillotson material, from the alpha up that the header
+   says, P_m(alpha rho, u)/alpha never falls with alpha, rho dP/drho >= P, up to 30 rho. */
 static void test_one_root(void **unused) {
     (void)unused;
     sphpa_rng rng = sphpa_rng_seed(41, 1);
@@ -824,13 +828,13 @@ static void test_one_root(void **unused) {
         double rho = mat.rho0 * pow(10.0, -1.5 + 1.7 * sphpa_rng_uniform(&rng));
         double u = mat.u_iv * pow(10.0, -1.0 + 3.0 * sphpa_rng_uniform(&rng));
         int kind = rho >= mat.rho0 ? 0 : u <= mat.u_iv ? 1 : u < mat.u_cv ? 2 : 3;
-        if (!sphpa_palpha_one_root_(&mat, rho, u)) {
-            held_back++;
-            continue;
-        }
+        double from = sphpa_palpha_rising_(&mat, rho, u);
+        assert_true((mat.B < 0.0) == (from > DBL_MAX));
+        if (from > 0.0) held_back++;
+        if (from > 30.0) continue;
         said[kind]++;
         for (int k = 0; k <= 100; k++) {
-            double at = rho * pow(30.0, 0.01 * k);
+            double at = rho * fmax(1.0, from) * pow(30.0 / fmax(1.0, from), 0.01 * k);
             sphpa_eos_point point;
             assert_int_equal(sphpa_tillotson_eval(&mat, at, u, &point), SPHPA_OK);
             if (at * point.dP_drho - point.P >= -1e-12 * (fabs(point.P) + mat.A)) continue;
@@ -838,7 +842,7 @@ static void test_one_root(void **unused) {
                      point.P - at * point.dP_drho, at);
         }
     }
-    print_message("# one root: compressed %d, cold %d, hybrid %d, vapour %d; not said of %d\n",
+    print_message("# one root: compressed %d, cold %d, hybrid %d, vapour %d; not from the start %d\n",
                   said[0], said[1], said[2], said[3], held_back);
     for (int kind = 0; kind < 4; kind++) assert_true(said[kind] > 1000);
 }
