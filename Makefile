@@ -193,7 +193,7 @@ $(BUILD)/bench/bench_%: bench/bench_%.c sphpa.h $(BUILD)/flags.mk $(wildcard ben
 
 $(STATES): | $(IMPACT)
 	@echo 'an impact, for the states that its particles go through'
-	$(IMPACT) --particles 1000 --projectile-particles 100 --t-end 4e-5 --compare off --snapshots off \
+	$(IMPACT) --particles 2000 --projectile-particles 200 --t-end 4e-5 --compare off --snapshots off \
 	    --quiet --out $(BUILD)/bench/impact --record-states $@ > /dev/null
 
 examples-build: $(EXAMPLES)
