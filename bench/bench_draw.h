@@ -1,5 +1,5 @@
-/* bench_draw.h: the pictures of bench_eos, by gnuplot: error against time, how often each solver asks
-   for F, and the state that Newton's method goes round on for ever. Included by bench_eos.c. */
+/* bench_draw.h: the pictures of bench_eos, by gnuplot: error against time, how often each solver
+   asks for F, and a state on which Newton's method cycles for ever. Included by bench_eos.c. */
 #ifndef BENCH_DRAW_H
 #define BENCH_DRAW_H
 
@@ -91,7 +91,8 @@ static void bench_add_panel(bench_script *script, const bench_report *report, in
     bench_add_times(script, report, k);
     bench_add(script, "set title '%s: %s, %s'\n%s\nplot ", mix->name, mix->material,
               bench_short_curve(mix),
-              key ? "set key at screen 0.995,0.93 right top Left reverse spacing 1.4" : "unset key");
+              key ? "set key at screen 0.995,0.93 right top Left reverse spacing 1.4"
+                  : "unset key");
     const char *comma = "";
     for (int s = 0; s < BENCH_SOLVER_COUNT; s++) {
         if (bench_find(report, k, s, report->tols[0]) == NULL) continue;
@@ -150,7 +151,7 @@ static bool bench_write_boxes(FILE *to, const size_t histogram[BENCH_HISTOGRAM],
         if (histogram[e] > 0)
             fprintf(to, "%d %d %g %g %d %g\n", e, row, e - 0.42, e + 0.42, row,
                     row + 0.88 * (double)histogram[e] / (double)most);
-    fprintf(to, most > 0 ? "\n\n" : "NaN NaN NaN NaN NaN NaN\n\n\n");
+    if (most > 0) fprintf(to, "\n\n");
     return most > 0;
 }
 
@@ -196,7 +197,7 @@ static void bench_draw_evaluations(const bench_report *report) {
     bench_add(&script,
               "set multiplot layout %d,%d title 'share of the states over evaluations of the "
               "equation of state, tol %g; right: their mean'\n"
-              "unset key\nset xrange [0:50]\nset xlabel 'evaluations'\n"
+              "unset key\nset xrange [0:54]\nset xlabel 'evaluations'\n"
               "set grid x lt 1 lc rgb '#e4e4e4'\nset tics scale 0.4\n",
               rows, columns, bench_table_tol(report));
     for (int k = 0; k < BENCH_PLANS; k++)
@@ -308,6 +309,29 @@ static void bench_write_cycle(const char *out, bench_problem *problem, const ben
     example_close(&file);
 }
 
+/* both panels: F in grey, the iteration over it, its first or its wider steps numbered */
+static void bench_add_cycle(bench_script *script, int steps, double label_away) {
+    const struct {
+        const char *title, *colour, *shown, *label, *offset;
+    } panel[2] = {{"Newton: between two points for ever", "#d1731f", "$3 < 2",
+                   "$3 == 0 ? '0, 2, 4, ..' : '1, 3, 5, ..'", "0,0"},
+                  {"safe Newton", "#0b4f9e", "abs($2) > 0.05", "sprintf('%d', $3)", "-0.8,0"}};
+    for (int k = 0; k < 2; k++) {
+        bench_add(script, "set title '%s", panel[k].title);
+        if (k == 1) bench_add(script, ": %d steps to 1e-12", steps);
+        bench_add(script,
+                  "'\nplot 'newton_cycle.dat' index 0 with lines lw 2 lc rgb '#999999' "
+                  "title 'F', \\\n"
+                  "  '' index %d using 1:2 with lines lw 1.5 lc rgb '%s' title 'steps', \\\n"
+                  "  '' index %d using 1:(int($0)%%2==1 ? $2 : NaN) with points pt 7 ps 1.1 lc rgb "
+                  "'%s' notitle, \\\n"
+                  "  '' index %d using 1:(int($0)%%2==1 && %s ? $2 + %g*sgn($2) : NaN):(%s) "
+                  "with labels offset %s notitle\n",
+                  k + 1, panel[k].colour, k + 1, panel[k].colour, k + 1, panel[k].shown,
+                  label_away, panel[k].label, panel[k].offset);
+    }
+}
+
 static void bench_draw_cycle(const bench_report *report) {
     bench_script script;
     sphpa_crush curve = bench_curve_of(&bench_plans[1]);
@@ -330,28 +354,9 @@ static void bench_draw_cycle(const bench_report *report) {
               "J/kg, alpha_old = %.4g' noenhanced\nset key top left Left reverse\n"
               "set xrange [%g:%g]\nset xlabel 'alpha'\nset ylabel 'F(alpha)'\nset xzeroaxis lt -1\n"
               "set grid lt 1 lc rgb '#eeeeee'\n",
-              problem.rho, problem.u, problem.alpha_old, 1.0 - 0.04 * span,
-              problem.alpha_old + 0.04 * span);
-    const struct {
-        const char *title, *colour, *shown, *label, *offset;
-        int steps;
-    } panel[2] = {{"Newton: between two points for ever", "#d1731f", "$3 < 2",
-                   "$3 == 0 ? '0, 2, 4, ..' : '1, 3, 5, ..'", "0,1", 0},
-                  {"safe Newton", "#0b4f9e", "abs($2) > 0.05", "sprintf('%d', $3)", "-1,0.8",
-                   safe.count - 1}};
-    for (int k = 0; k < 2; k++) {
-        bench_add(&script, "set title '%s", panel[k].title);
-        if (panel[k].steps > 0) bench_add(&script, ": %d steps to 1e-12", panel[k].steps);
-        bench_add(&script,
-                  "'\nplot 'newton_cycle.dat' index 0 with lines lw 2 lc rgb '#999999' title 'F', \\\n"
-                  "  '' index %d using 1:2 with lines lw 1.5 lc rgb '%s' title 'steps', \\\n"
-                  "  '' index %d using 1:(int($0)%%2==1 ? $2 : NaN) with points pt 7 ps 1.1 lc rgb "
-                  "'%s' notitle, \\\n"
-                  "  '' index %d using 1:(int($0)%%2==1 && %s ? $2 : NaN):(%s) with labels "
-                  "offset %s notitle\n",
-                  k + 1, panel[k].colour, k + 1, panel[k].colour, k + 1, panel[k].shown,
-                  panel[k].label, panel[k].offset);
-    }
+              problem.rho, problem.u, problem.alpha_old, 1.0 - 0.15 * span,
+              problem.alpha_old + 0.15 * span);
+    bench_add_cycle(&script, safe.count - 1, 0.1 * span);
     bench_add(&script, "unset multiplot");
     (void)example_picture(report->o->out, "newton_cycle.png", 1100, 480, script.text);
 }

@@ -1,9 +1,9 @@
 /* bench_eos.c: how long a P-alpha solve takes and how large its error is, solver beside solver.
 
    make bench-eos builds and runs it; --help lists what it can be asked for, and how a solver of
-   your own joins. For every mix of states (bench_mixes.h), tolerance and solver (bench_solvers.h) it
-   writes a line of eos.csv: median time, spread, evaluations of the equation of state, and the error
-   against long double (eos_reference.h). Pictures are made in bench_draw.h. One thread. */
+   your own joins. For every mix of states (bench_mixes.h), tolerance and solver (bench_solvers.h)
+   it writes a line of eos.csv: median time, spread, evaluations of the equation of state, and the
+   error against long double (eos_reference.h). Pictures are made in bench_draw.h. One thread. */
 #include "../examples/example.h"
 
 #include <float.h>
@@ -26,7 +26,8 @@ enum {
     BENCH_TOLS = 7,
     BENCH_REPEATS = 11,
     BENCH_ROWS = BENCH_PLANS * BENCH_TOLS * BENCH_SOLVER_COUNT,
-    BENCH_HISTOGRAM = 64 /* evaluations that are told apart */
+    BENCH_HISTOGRAM = 64, /* evaluations that are told apart */
+    BENCH_ENOUGH = 10000  /* states that no branch predictor remembers */
 };
 #define BENCH_SAMPLE 1e-3    /* [s] least length of one timing */
 #define BENCH_NOISY_PCT 5.0  /* spread of a fixed piece of work above which we warn */
@@ -51,8 +52,10 @@ typedef struct bench_row {
 
 typedef struct bench_report {
     const bench_options *o;
-    double tols[BENCH_TOLS], noise_pct;
+    double tols[BENCH_TOLS];
+    double noise_pct; /* worst spread of a fixed piece of work beside the solvers */
     int tol_count, count;
+    size_t n; /* states a mix, asked for */
     bench_mix mix[BENCH_PLANS]; /* set.n is 0 where it was filtered out */
     bench_row row[BENCH_ROWS];
     /* of the states at the table's tolerance, by evaluations: how many */
@@ -230,12 +233,14 @@ static void bench_enter(bench_race *race, bench_row *row, const bench_set *set,
     memcpy(race->set[k].alpha_old, good->alpha_old, good->n * sizeof(double));
 }
 
-/* Each repeat runs every solver once, beginning with another one, so that a busy moment hits all. */
+/* Each repeat runs every solver once, beginning with another one: a busy moment hits them all. */
 static void bench_run_race(bench_race *race, const bench_set *set, bench_answers *out,
-                           double noise[BENCH_REPEATS]) {
+                           double *noise_pct) {
+    double noise[BENCH_REPEATS], spread;
     for (int k = 0; k < race->count; k++) {
-        double each = race->set[k].n > 0 ? bench_sample(race->row[k], &race->set[k], 1, out) : 0.0;
-        race->passes[k] = (long)fmax(1.0, ceil(BENCH_SAMPLE / (each * (double)race->set[k].n + 1e-9)));
+        double n = (double)race->set[k].n;
+        double pass = n > 0.0 ? n * bench_sample(race->row[k], &race->set[k], 1, out) : 0.0;
+        race->passes[k] = (long)ceil(BENCH_SAMPLE / (pass + 1e-9));
     }
     for (int repeat = 0; repeat < BENCH_REPEATS; repeat++) {
         noise[repeat] = bench_fixed_work();
@@ -246,6 +251,8 @@ static void bench_run_race(bench_race *race, const bench_set *set, bench_answers
                     bench_sample(race->row[k], &race->set[k], race->passes[k], out);
         }
     }
+    (void)bench_median(noise, BENCH_REPEATS, &spread);
+    *noise_pct = fmax(*noise_pct, spread);
     for (int k = 0; k < race->count; k++) {
         bench_row *row = race->row[k];
         row->ns = row->spread_pct = NAN;
@@ -272,8 +279,7 @@ static bool bench_wanted(const bench_options *o, int mix, int solver) {
     return false;
 }
 
-static void bench_one_tol(bench_report *report, int mix, double tol, bench_room *room,
-                          double *noise) {
+static void bench_one_tol(bench_report *report, int mix, double tol, bench_room *room) {
     const bench_set *set = &report->mix[mix].set;
     bench_race race;
     memset(&race, 0, sizeof race);
@@ -288,28 +294,25 @@ static void bench_one_tol(bench_report *report, int mix, double tol, bench_room 
         bench_examine(set, room, row, shown ? report->histogram[mix][k] : NULL);
         bench_enter(&race, row, set, room);
     }
-    bench_run_race(&race, set, &room->answers, noise);
+    bench_run_race(&race, set, &room->answers, &report->noise_pct);
 }
 
 static void bench_all(bench_report *report) {
     const bench_options *o = report->o;
-    size_t n = (size_t)(o->n > 0 ? o->n : o->quick ? 2000 : 20000);
-    static double noise[BENCH_PLANS * BENCH_TOLS * BENCH_REPEATS];
-    int races = 0;
+    report->n = (size_t)(o->n > 0 ? o->n : o->quick ? 2000 : 20000);
     for (int mix = 0; mix < BENCH_PLANS; mix++) {
         if (!bench_wanted(o, mix, -1)) continue;
         double since = sphpa_wall_clock();
         bench_mix *own = &report->mix[mix];
-        bench_mix_make(own, mix, n, (uint64_t)o->seed, o->states);
+        bench_mix_make(own, mix, report->n, (uint64_t)o->seed, o->states);
         bench_room room = bench_room_make(own->set.n);
         bench_find_roots(&own->set, &room);
         for (int k = 0; k < report->tol_count; k++)
-            bench_one_tol(report, mix, report->tols[k], &room, &noise[BENCH_REPEATS * races++]);
+            bench_one_tol(report, mix, report->tols[k], &room);
         bench_room_free(&room);
         fprintf(stderr, "%-8s %-10s %-13s %zu states  %.1f s\n", own->name, own->material,
                 own->curve_name, own->set.n, sphpa_wall_clock() - since);
     }
-    if (races > 0) (void)bench_median(noise, races * BENCH_REPEATS, &report->noise_pct);
 }
 
 /* ---- what is written ------------------------------------------------------------------------- */
@@ -333,23 +336,29 @@ static void bench_read_cpu(char cpu[128]) {
 #endif
 }
 
-/* what the numbers hang on: the CSV's first lines, and those above the tables */
-static void bench_write_about(FILE *to, const bench_report *report) {
-    fprintf(to, "# sphpa %s, P-alpha solvers, one thread, seed %ld\n", SPHPA_VERSION,
+/* what the numbers hang on, a line each behind `mark`: "# " in the CSV, "- " above the tables */
+static void bench_write_about(FILE *to, const bench_report *report, const char *mark) {
+    fprintf(to, "%ssphpa %s, P-alpha solvers, one thread, seed %ld\n", mark, SPHPA_VERSION,
             report->o->seed);
-    fprintf(to, "# cpu: %s\n# compiler: %s\n# flags: %s\n", report->cpu, BENCH_COMPILER,
-            BENCH_FLAGS);
-    fprintf(to, "# times: medians of %d interleaved repeats; spread: interquartile range; a fixed "
-                "piece of work spread by %.1f %%%s\n", (int)BENCH_REPEATS, report->noise_pct,
-            report->noise_pct > BENCH_NOISY_PCT ? ": THE MACHINE IS NOISY, times are doubtful" : "");
+    fprintf(to, "%scpu: %s\n%scompiler: %s\n%sflags: %s\n", mark, report->cpu, mark,
+            BENCH_COMPILER, mark, BENCH_FLAGS);
+    fprintf(to, "%stimes: medians of %d interleaved repeats; spread: interquartile range\n", mark,
+            (int)BENCH_REPEATS);
+    fprintf(to, "%sa fixed piece of work beside the solvers spread by at most %.1f %%%s\n", mark,
+            report->noise_pct,
+            report->noise_pct > BENCH_NOISY_PCT ? ": THE MACHINE IS NOISY, look at the spreads"
+                                                : "");
 #ifdef BENCH_WITH_GSL
-    fprintf(to, "# gsl-*: GSL %s, which evaluates through a function pointer; all others are "
-                "inlined\n", GSL_VERSION);
+    fprintf(to, "%sgsl-*: GSL %s, which evaluates through a function pointer; all others are "
+                "inlined\n", mark, GSL_VERSION);
 #endif
-    fprintf(to, "# itp, chandrupatla, brent, gsl-*: the crush curve is prepared outside the loop, "
-                "no input is checked, no sound speed is returned\n"
-                "# where states do not converge within %d iterations, time and evaluations are "
-                "over those that do\n", (int)BENCH_MOST);
+    fprintf(to, "%sitp, chandrupatla, brent, gsl-*: the crush curve is prepared outside the loop, "
+                "no input is checked, no sound speed is returned\n", mark);
+    if (report->n < BENCH_ENOUGH)
+        fprintf(to, "%sonly %zu states a mix: a processor learns their branches by heart, and all "
+                    "times are too good\n", mark, report->n);
+    fprintf(to, "%swhere states do not converge within %d iterations, time and evaluations are "
+                "over those that do\n", mark, (int)BENCH_MOST);
 }
 
 static void bench_write_csv(const bench_report *report, const char *path) {
@@ -360,7 +369,7 @@ static void bench_write_csv(const bench_report *report, const char *path) {
     if (slash == path) snprintf(folder, sizeof folder, "/");
     else example_folder_of(folder, "--csv");
     example_file file = example_open_of(folder, slash != NULL ? slash + 1 : path, "--csv");
-    bench_write_about(file.stream, report);
+    bench_write_about(file.stream, report, "# ");
     for (int k = 0; k < report->count; k++) {
         const bench_row *row = &report->row[k];
         const bench_mix *mix = &report->mix[row->mix];
@@ -418,31 +427,32 @@ static const bench_row *bench_best_peer(const bench_report *report, int mix, dou
     return best;
 }
 
-static void bench_print_ratio(const bench_row *slow, const bench_row *fast) {
-    if (slow != NULL && fast != NULL) printf(" %9.2f |", slow->ns / fast->ns);
-    else printf("         - |");
+static void bench_print_ratio(int width, const bench_row *slow, const bench_row *fast) {
+    if (slow != NULL && fast != NULL) printf(" %*.2f |", width, slow->ns / fast->ns);
+    else printf(" %*s |", width, "-");
 }
 
 static void bench_print_summary(const bench_report *report) {
     double tol = bench_table_tol(report);
     int fast = bench_solver_named("crush-space"), batch = bench_solver_named("crush-space-batch");
-    int slow = bench_solver_named("bisection");
-    printf("\n### summary at tol %g: how many times faster\n\n", tol);
-    printf("| mix      | material  | curve        | crush-space: over bisection | over the best "
-           "peer | (which)      | batch: over scalar | evals: mean |  max |\n");
-    printf("|:---------|:----------|:-------------|----------:|----------:|:-------------"
-           "|----------:|-------:|-----:|\n");
+    int slow = bench_solver_named("bisection"), lines = 0;
     for (int k = 0; k < BENCH_PLANS; k++) {
         const bench_mix *mix = &report->mix[k];
         const bench_row *own = bench_find(report, k, fast, tol);
         const bench_row *peer = bench_best_peer(report, k, tol);
         if (own == NULL) continue;
+        if (lines++ == 0)
+            printf("\n### crush-space at tol %g: how many times faster; its evaluations\n\n"
+                   "| mix      | material  | curve        | than bisection | than the best peer "
+                   "| which        | batch than scalar | evals |  max |\n"
+                   "|:---------|:----------|:-------------|---------------:|-------------------:|"
+                   ":-------------|------------------:|------:|-----:|\n", tol);
         printf("| %-8s | %-9s | %-12s |", mix->name, mix->material, mix->curve_name);
-        bench_print_ratio(bench_find(report, k, slow, tol), own);
-        bench_print_ratio(peer, own);
+        bench_print_ratio(14, bench_find(report, k, slow, tol), own);
+        bench_print_ratio(18, peer, own);
         printf(" %-12s |", peer != NULL ? bench_solvers[peer->solver].name : "-");
-        bench_print_ratio(own, bench_find(report, k, batch, tol));
-        printf(" %6.2f | %4d |\n", own->evals_mean, own->evals_max);
+        bench_print_ratio(17, own, bench_find(report, k, batch, tol));
+        printf(" %5.2f | %4d |\n", own->evals_mean, own->evals_max);
     }
 }
 
@@ -483,7 +493,7 @@ static void bench_choose_tols(bench_report *report) {
 }
 
 static void bench_print(const bench_report *report) {
-    bench_write_about(stdout, report);
+    bench_write_about(stdout, report, "- ");
     for (int k = 0; k < BENCH_PLANS; k++)
         if (report->mix[k].set.n > 0) bench_print_table(report, k);
     bench_print_summary(report);

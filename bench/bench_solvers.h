@@ -8,8 +8,8 @@
    is all that it takes to join. A peer has three advantages over the library's solvers: the crush
    curve is prepared outside the loop, nothing checks its input, and it returns no sound speed.
 
-   Each of them tests both ends first, alpha_old and then 1, counts these as evaluations, and stops
-   at the same tolerance, max(tol, 4 eps alpha), as its author meant it: the bracket, or twice it. */
+   Each peer tests both ends first, alpha_old and then 1, counts these as evaluations, and stops at
+   the same tolerance, max(tol, 4 eps alpha), as its author meant it: the bracket, or twice it. */
 #ifndef BENCH_SOLVERS_H
 #define BENCH_SOLVERS_H
 
