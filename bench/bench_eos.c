@@ -255,7 +255,7 @@ static void bench_run_race(bench_race *race, const bench_set *set, bench_answers
     *noise_pct = fmax(*noise_pct, spread);
     for (int k = 0; k < race->count; k++) {
         bench_row *row = race->row[k];
-        row->ns = row->spread_pct = NAN;
+        row->ns = row->spread_pct = (double)NAN;
         if (race->set[k].n > 0)
             row->ns = 1e9 * bench_median(race->sample[k], BENCH_REPEATS, &row->spread_pct);
         if (row->converged < set->n) bench_set_free(&race->set[k]);
