@@ -185,7 +185,7 @@ $(BUILD)/tests/test_%: tests/test_%.c sphpa.h $(BUILD)/flags.mk $(wildcard tests
 # one flag more than the rest: the vectors of the machines of today; NATIVE=1: of this one
 BENCH_COMPILE = $(COMPILE) $(if $(NATIVE_FLAGS),,$(BENCH_FLAGS))
 BENCH_ABOUT = -DBENCH_COMPILER='"$(COMPILER_NAME)"' \
-              -DBENCH_FLAGS='"$(strip $(wordlist 2,99,$(BENCH_COMPILE)))"'
+              -DBENCH_FLAGS='"$(subst ",,$(subst ',,$(filter-out $(CC),$(BENCH_COMPILE))))"'
 $(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h) examples/example.h
 	@mkdir -p $(@D)
 	$(BENCH_COMPILE) $(WARNINGS) $(BENCH_ABOUT) $(if $(GSL_FOUND),-DBENCH_WITH_GSL $(GSL_CFLAGS)) $< -o $@ \

@@ -361,14 +361,18 @@ static void bench_write_about(FILE *to, const bench_report *report, const char *
                 "over those that do\n", mark, (int)BENCH_MOST);
 }
 
-static void bench_write_csv(const bench_report *report, const char *path) {
-    char folder[EXAMPLE_PATH];
+/* Opens it under another name until it is whole. Called before the long part of the run, so that a
+   place that cannot be written is found early. */
+static example_file bench_open_csv(const char *path) {
+    char folder[EXAMPLE_PATH] = ".";
     const char *slash = strrchr(path, '/');
-    snprintf(folder, sizeof folder, "%.*s", slash != NULL ? (int)(slash - path) : 1,
-             slash != NULL ? path : ".");
-    if (slash == path) snprintf(folder, sizeof folder, "/");
-    else example_folder_of(folder, "--csv");
-    example_file file = example_open_of(folder, slash != NULL ? slash + 1 : path, "--csv");
+    if (slash != NULL)
+        snprintf(folder, sizeof folder, "%.*s", slash > path ? (int)(slash - path) : 1, path);
+    example_folder_of(folder, "--csv");
+    return example_open_of(folder, slash != NULL ? slash + 1 : path, "--csv");
+}
+
+static void bench_write_csv(const bench_report *report, example_file file) {
     bench_write_about(file.stream, report, "# ");
     for (int k = 0; k < report->count; k++) {
         const bench_row *row = &report->row[k];
@@ -470,6 +474,7 @@ static void bench_parse(int argc, char **argv, bench_options *o) {
         example_text("out", "DIR", &o->out, "where eos.csv and the pictures go"),
         example_text("csv", "FILE", &o->csv, "in place of DIR/eos.csv"),
         example_flag("no-pictures", &o->no_pictures, "numbers only")};
+    *example_name_() = "bench_eos";
     for (int k = 1; k < argc; k++)
         if (strcmp(argv[k], "--help") == 0 || strcmp(argv[k], "-h") == 0) {
             example_help_("P-alpha solvers: time, evaluations and errors", options,
@@ -520,11 +525,13 @@ int main(int argc, char **argv) {
     if (o.states == NULL)
         fprintf(stderr, "without --states FILE there is no mix run; pumice_impact --record-states "
                         "makes one\n");
+    example_file file = bench_open_csv(csv);
     bench_all(report);
+    if (report->count == 0) example_discard(&file);
     if (report->count == 0)
         example_fail(2, "--filter %s: no mix, material, curve or solver is called so; try inside, "
                      "cold, pumice, two-exponent or brent", o.filter != NULL ? o.filter : "");
-    bench_write_csv(report, csv);
+    bench_write_csv(report, file);
     bench_print(report);
     fflush(stdout);
     fprintf(stderr, "wrote %s\n", csv);
