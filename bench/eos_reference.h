@@ -115,6 +115,7 @@ static inline ref_matter ref_matrix(const ref_problem *p, long double rho_s, lon
     long double lowest = p->tensile_limit > 0.0L ? -p->tensile_limit : -HUGE_VALL;
     if (rho_s < p->eta_cut * p->rho0) lowest = 0.0L;
     if (m.P < 0.0L && m.P < lowest) {
+        if (m.P + 64.0L * ref_wide(DBL_EPSILON) * m.size < lowest) m.size = -lowest; /* exact */
         m.P = lowest;
         m.dP_drho = m.dP_du = 0.0L;
     }
@@ -274,6 +275,12 @@ static inline long double ref_target(const ref_problem *p, long double P, long d
     return p->x_y;
 }
 
+/* the move of an input in roundings of 1: its own size, or that of the least normal number, below
+   which doubles lie evenly */
+static inline long double ref_moves_by(long double input) {
+    return fmaxl(input, ref_wide(DBL_MIN));
+}
+
 /* A trial alpha = 1 + x: the bulk's P, D = dP/dalpha, S of the page above, F and T' */
 typedef struct ref_point {
     long double x, P, D, S, F, slope;
@@ -286,7 +293,8 @@ static inline ref_point ref_at(const ref_problem *p, long double x) {
     point.x = x;
     point.P = m.P / alpha;
     point.D = (p->rho * m.dP_drho - point.P) / alpha;
-    point.S = (fabsl(rho_s * m.dP_drho) + fabsl(p->u * m.dP_du) + m.size) / alpha;
+    point.S = (fabsl(ref_moves_by(p->rho) * alpha * m.dP_drho) +
+               fabsl(ref_moves_by(p->u) * m.dP_du) + m.size) / alpha + ref_wide(DBL_MIN);
     point.F = x - ref_target(p, point.P, &point.slope);
     return point;
 }
@@ -458,7 +466,8 @@ static inline bool ref_near(const ref_problem *p, const ref_point *point, long d
     if (point->F == 0.0L) return true;
     for (int k = 0; k < 2; k++) { /* first to the side on which the root of a rising F lies */
         bool down = (point->F > 0.0L) == (k == 0);
-        long double x = down ? fmaxl(point->x - d, 0.0L) : fminl(point->x + d, p->x_cap);
+        long double up = fmaxl(fminl(point->x + d, p->x_cap), point->x);
+        long double x = down ? fmaxl(point->x - d, 0.0L) : up;
         ref_point other = ref_at(p, x);
         if (other.F != 0.0L && (other.F > 0.0L) == (point->F > 0.0L)) continue;
         long double width = fabsl(x - point->x);
@@ -474,11 +483,11 @@ static inline bool ref_near(const ref_problem *p, const ref_point *point, long d
 /* the state with rho, u and alpha_old moved by so many roundings */
 static inline ref_problem ref_moved(const ref_problem *p, long double rho, long double u,
                                     long double alpha_old) {
-    const long double eps = ref_wide(DBL_EPSILON), least = ref_wide(DBL_MIN) * eps;
+    const long double eps = ref_wide(DBL_EPSILON);
     ref_problem moved = *p;
-    long double new_rho = p->rho + rho * fmaxl(eps * p->rho, least);
+    long double new_rho = p->rho + rho * eps * ref_moves_by(p->rho);
     if (!(new_rho > 0.0L)) new_rho = 0.5L * p->rho;
-    long double new_u = fmaxl(p->u + u * fmaxl(eps * p->u, least), 0.0L);
+    long double new_u = fmaxl(p->u + u * eps * ref_moves_by(p->u), 0.0L);
     ref_set_state(&moved, new_rho, new_u, p->x_old + alpha_old * eps * (1.0L + p->x_old));
     return moved;
 }
@@ -548,8 +557,8 @@ static inline ref_verdict ref_judge_root(const ref_problem *p, double alpha, dou
                                          long double *reach) {
     long double x = ref_wide(alpha) - 1.0L, rounding = 16.0L * ref_wide(DBL_EPSILON);
     *error = *backward = HUGE_VALL;
-    *reach = 0.0L;
-    if (!(x >= 0.0L && x <= p->x_cap + rounding * p->cap)) return REF_WRONG;
+    *reach = 2.0L * ref_wide(tol) + rounding * p->cap;
+    if (!(x >= 0.0L && x <= 2.0L * p->x_cap + *reach)) return REF_WRONG; /* or NaN */
     *backward = 0.0L;
     ref_point point = ref_at(p, x);
     *reach = 2.0L * ref_wide(tol) + rounding * ref_cond_of(p, &point, point.slope);
