@@ -36,7 +36,7 @@ INNER_MAKE = $(MAKE) --no-print-directory INNER=1 $(SIDE_BY_SIDE)
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .SUFFIXES:
-.PHONY: help deps deps-check check test impact impact-full sensitivity movie examples clean FORCE \
+.PHONY: help deps deps-check check test impact impact-full sensitivity movie examples clean FORCE stress-eos \
         tests-build tests-run examples-build
 
 help: ## list these targets (the default)
@@ -85,6 +85,11 @@ movie: ## the impact as an animated GIF, correction and Balsara on beside off; g
 examples: ## build all examples into build/examples
 	@$(DEPS) impact
 	@+$(INNER_MAKE) examples-build
+
+# ---- benchmarks ----
+stress-eos: ## the P-alpha solvers under stress, 1e7 states judged in long double (two minutes)
+	@+$(INNER_MAKE) $(BUILD)/bench/stress_eos
+	$(BUILD)/bench/stress_eos $(ARGS)
 
 # ---- tests and checks ----
 test: ## build and run the tests, one program a section
@@ -168,6 +173,10 @@ TESTS := $(patsubst tests/%.c,$(BUILD)/tests/%,$(filter-out $(SKIPPED),$(wildcar
 
 $(BUILD)/examples/%: examples/%.c sphpa.h $(BUILD)/flags.mk $(wildcard examples/*.h)
 	$(COMPILE) $(WARNINGS) $(hdf5_cflags) $< -o $@ $(LINK_FLAGS) $(hdf5_libs) $(LIBS)
+
+$(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h) examples/example.h
+	@mkdir -p $(BUILD)/bench
+	$(COMPILE) $(WARNINGS) $< -o $@ $(LINK_FLAGS) $(LIBS)
 
 $(BUILD)/tests/test_%: tests/test_%.c sphpa.h $(BUILD)/flags.mk $(wildcard tests/*.h)
 	$(COMPILE) $(TEST_WARNINGS) -Itests $(hdf5_cflags) $(CMOCKA_CFLAGS) $< -o $@ $(LINK_FLAGS) $(hdf5_libs) $(CMOCKA_LIBS) $(LIBS)

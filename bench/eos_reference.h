@@ -146,18 +146,23 @@ static inline long double ref_curve(const ref_problem *p, long double P, long do
     return fminl(first + second, p->x_top);
 }
 
-/* the P at which the curve is at x, by halving: its lowest where x = x_top or more */
+/* the P at which the curve is at x; its lowest where x = x_top or more. Newton in a bracket by
+   t = (Ps - P)/(Ps - Pe), in which the curve rises. */
 static inline long double ref_yield(const ref_problem *p, long double x) {
-    long double low = p->Pe, high = p->k2 > 0.0L ? p->Ps : p->Pt, slope;
-    if (x >= p->x_top) return low;
-    if (x <= 0.0L) return high;
-    for (int k = 0; k < 200; k++) {
-        long double middle = 0.5L * (low + high);
-        if (!(middle > low && middle < high)) break;
-        if (ref_curve(p, middle, &slope) >= x) low = middle;
-        else high = middle;
+    long double R = p->Ps - p->Pe, low = p->k2 > 0.0L ? 0.0L : (p->Ps - p->Pt) / R, high = 1.0L;
+    if (x >= p->x_top) return p->Pe;
+    if (x <= 0.0L) return p->Ps - R * low;
+    long double t = p->k1 > 0.0L ? 0.5L : powl(x / p->k2, 1.0L / p->n2), slope;
+    for (int k = 0; k < 200 && p->k1 > 0.0L; k++) {
+        long double miss = ref_curve(p, p->Ps - R * t, &slope) - x;
+        if (miss > 0.0L) high = t;
+        else low = t;
+        long double next = t + miss / (slope * R);
+        if (!(next > low && next < high) || k > 40) next = 0.5L * (low + high);
+        if (!(next > low && next < high) || fabsl(next - t) <= 2.0L * LDBL_EPSILON * t) break;
+        t = next;
     }
-    return low;
+    return p->Ps - R * t;
 }
 
 /* HERRMANN: P at x less P at `from` on one elastic line, the integral of
@@ -511,44 +516,52 @@ static inline void ref_corners(const ref_problem *p, long double x, long double 
     }
 }
 
-/* The least move of the inputs, in roundings, for which F is zero within d of x; infinite where a
-   million is not enough. */
-static inline long double ref_backward(const ref_problem *p, long double x, long double d) {
-    long double low = 0.0L, high = 0.0625L;
+/* Is F zero within d of x for inputs moved by no more than m roundings? */
+static inline bool ref_zero_within(const ref_problem *p, long double x, long double d,
+                                   long double m) {
     bool negative, positive;
-    for (;; low = high, high *= 2.0L) {
-        ref_corners(p, x, d, high, &negative, &positive);
-        if (negative && positive) break;
+    ref_corners(p, x, d, m, &negative, &positive);
+    return negative && positive;
+}
+
+/* The least move of the inputs, in roundings, for which F is zero within d of x: to a tenth below
+   4, to a factor of 8 above, and infinite where half a million is not enough. */
+static inline long double ref_backward(const ref_problem *p, long double x, long double d) {
+    long double low = 0.0L, high = 4.0L;
+    while (!ref_zero_within(p, x, d, high)) {
+        low = high;
+        high *= 8.0L;
         if (high > 1e6L) return HUGE_VALL;
     }
-    for (int k = 0; k < 8; k++) {
+    for (int k = 0; k < 5 && high <= 4.0L; k++) {
         long double middle = 0.5L * (low + high);
-        ref_corners(p, x, d, middle, &negative, &positive);
-        if (negative && positive) high = middle;
+        if (ref_zero_within(p, x, d, middle)) high = middle;
         else low = middle;
     }
     return high;
 }
 
+/* F <= 0 at x for all inputs moved by no more than 4 roundings? */
+static inline bool ref_surely_below(const ref_problem *p, long double x) {
+    bool negative, positive;
+    ref_corners(p, x, 0.0L, 4.0L, &negative, &positive);
+    return negative && (!positive || x >= p->x_cap);
+}
+
 /* Is there a root above x that stays one when the inputs move by 4 roundings? A pair that rounding
-   joins and parts is none. The deepest F below the first sign change stands for the dip. */
+   joins and parts is none. Two places stand for what lies below the first sign change: where F is
+   deepest, and where P is lowest. */
 static inline bool ref_root_above(const ref_problem *p, long double x) {
     long double lo, hi;
-    if (x >= p->x_cap || ref_rises(p, x, p->x_cap)) {
-        if (x >= p->x_cap || ref_at(p, x).F > 0.0L) return false;
-    }
-    if (!ref_highest(p, x, &lo, &hi)) return false;
-    long double deepest = lo, F = ref_at(p, lo).F, step = lo - x;
+    if (x >= p->x_cap || !ref_highest(p, x, &lo, &hi)) return false;
+    ref_point deepest = ref_at(p, lo), lowest = deepest;
+    long double step = lo - x;
     for (int k = 0; k < 50 && hi > lo; k++, step *= 0.5L) {
-        long double trial = ref_at(p, lo - step).F;
-        if (trial < F) {
-            F = trial;
-            deepest = lo - step;
-        }
+        ref_point trial = ref_at(p, lo - step);
+        if (trial.F < deepest.F) deepest = trial;
+        if (trial.F < 0.0L && trial.P < lowest.P) lowest = trial;
     }
-    bool negative, positive;
-    ref_corners(p, deepest, 0.0L, 4.0L, &negative, &positive);
-    return negative && (!positive || deepest >= p->x_cap);
+    return ref_surely_below(p, deepest.x) || ref_surely_below(p, lowest.x);
 }
 
 /* Is alpha a root, whichever? RIGHT, ILL or WRONG, and *reach = the d of the page above. */
@@ -574,6 +587,16 @@ static inline ref_verdict ref_judge_root(const ref_problem *p, double alpha, dou
     return *backward <= 4.0L ? REF_ILL : REF_WRONG;
 }
 
+/* Is the answer at x, whose root is `error` away, not the largest? Where cond is bad d may reach
+   over a dip and hide a root, so it is not d but the root that the search begins above. */
+static inline bool ref_not_largest(const ref_problem *p, long double x, long double error,
+                                   long double tol, long double reach) {
+    if (x >= p->x_cap || ref_rises(p, fmaxl(x - reach, 0.0L), p->x_cap)) return false;
+    long double near = x + 2.0L * error + 2.0L * tol + 16.0L * ref_wide(DBL_EPSILON) * (1.0L + x);
+    bool beyond = near < x + reach && near < p->x_cap && ref_at(p, near).F > 0.0L;
+    return ref_root_above(p, beyond ? near : x + reach);
+}
+
 /* The verdict on an answer to the tolerance tol. *error: how far the nearest root is (the largest,
    where the answer is not right). *backward: 0 where right, else by how many roundings the inputs
    must move. */
@@ -582,8 +605,8 @@ static inline ref_verdict ref_judge(const ref_problem *p, double alpha, double t
     long double reach;
     ref_verdict verdict = ref_judge_root(p, alpha, tol, error, backward, &reach);
     if (verdict == REF_WRONG) return verdict;
-    long double above = ref_wide(alpha) - 1.0L + reach;
-    return ref_root_above(p, above) ? REF_OTHER_ROOT : verdict;
+    bool lower = ref_not_largest(p, ref_wide(alpha) - 1.0L, *error, ref_wide(tol), reach);
+    return lower ? REF_OTHER_ROOT : verdict;
 }
 
 #endif /* EOS_REFERENCE_H */

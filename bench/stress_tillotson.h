@@ -93,8 +93,8 @@ static void eos_slopes(const ref_problem *p, long double rho, long double u, con
            (p->u_cv - p->u_iv);
 }
 
-/* The sizes that rounding is relative to: of P, of rho dP/drho, of dP/du; with the steps that suit a
-   difference. steep: how much faster than rho itself the exponentials move. */
+/* The sizes that rounding is relative to: of P, of rho dP/drho, of dP/du; with the steps that suit
+   a difference. steep: how much faster than rho itself the exponentials move. */
 typedef struct eos_sizes {
     long double P, slope, du, h[3]; /* h: in rho, cold and vapour; in u */
 } eos_sizes;
