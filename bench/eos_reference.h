@@ -24,8 +24,8 @@
    rounding of its argument). P moves the root by |T'|/F', T(P) the alpha that P asks for. Two
    things keep cond honest. Where F' < 1/2 (P falls with alpha) 1/2 is taken, for the root of a
    dip moves like a square root and not like 1/F'. And T' jumps at the curve's kinks: where an
-   answer fails with the slope at its own place, the chord of T over P +- 16 eps S is taken, which
-   sees a kink that rounding reaches, and no other. */
+   answer fails with the slope at its own place, the steeper chord of T from P to P +- 16 eps S is
+   taken, which sees a kink that rounding reaches, and no other. */
 #ifndef EOS_REFERENCE_H
 #define EOS_REFERENCE_H
 
@@ -455,34 +455,44 @@ static inline long double ref_cond(const ref_problem *p, long double alpha) {
     return ref_cond_of(p, &point, point.slope);
 }
 
-/* -T' as the chord over what rounding leaves open of P */
+/* T' as the steeper of the two chords from P to P +- 16 eps S */
 static inline long double ref_chord(const ref_problem *p, const ref_point *point) {
     long double dP = 16.0L * ref_wide(DBL_EPSILON) * point->S, unused;
-    if (!(dP > 0.0L)) return point->slope;
-    return (ref_target(p, point->P + dP, &unused) - ref_target(p, point->P - dP, &unused)) /
-           (2.0L * dP);
+    long double here = point->x - point->F;
+    long double up = here - ref_target(p, point->P + dP, &unused);
+    long double down = ref_target(p, point->P - dP, &unused) - here;
+    return -fmaxl(fmaxl(up, down), 0.0L) / dP;
 }
 
-/* Is a root within d of the point? *error is then how far, by the chord, or by halving where the
-   curve bends between. */
+/* Does F change its sign between the point and x? *error is then how far, by the chord, or by
+   halving where the curve bends between. */
+static inline bool ref_between(const ref_problem *p, const ref_point *point, long double x,
+                               long double *error) {
+    ref_point other = ref_at(p, x);
+    if (other.F != 0.0L && (other.F > 0.0L) == (point->F > 0.0L)) return false;
+    long double width = fabsl(x - point->x);
+    *error = width * fabsl(point->F) / (fabsl(point->F) + fabsl(other.F));
+    if (fabsl(other.slope - point->slope) <= 0.01L * fabsl(point->slope)) return true;
+    long double root = ref_bisect(p, fminl(x, point->x), fmaxl(x, point->x), 1e-6L * width);
+    *error = fabsl(root - point->x);
+    return true;
+}
+
+/* Is a root within d of the point? *error is how far the nearest is: a large d is come to in steps,
+   and first on the side on which the root of a rising F lies. */
 static inline bool ref_near(const ref_problem *p, const ref_point *point, long double d,
                             long double *error) {
+    long double step = fminl(d, 1e-8L);
     *error = 0.0L;
     if (point->F == 0.0L) return true;
-    for (int k = 0; k < 2; k++) { /* first to the side on which the root of a rising F lies */
-        bool down = (point->F > 0.0L) == (k == 0);
-        long double up = fmaxl(fminl(point->x + d, p->x_cap), point->x);
-        long double x = down ? fmaxl(point->x - d, 0.0L) : up;
-        ref_point other = ref_at(p, x);
-        if (other.F != 0.0L && (other.F > 0.0L) == (point->F > 0.0L)) continue;
-        long double width = fabsl(x - point->x);
-        *error = width * fabsl(point->F) / (fabsl(point->F) + fabsl(other.F));
-        if (fabsl(other.slope - point->slope) <= 0.01L * fabsl(point->slope)) return true;
-        long double root = ref_bisect(p, fminl(x, point->x), fmaxl(x, point->x), 1e-6L * width);
-        *error = fabsl(root - point->x);
-        return true;
+    for (;; step = fminl(d, 100.0L * step)) {
+        long double down = fmaxl(point->x - step, 0.0L);
+        long double up = fmaxl(fminl(point->x + step, p->x_cap), point->x);
+        bool first_down = point->F > 0.0L;
+        if (ref_between(p, point, first_down ? down : up, error)) return true;
+        if (ref_between(p, point, first_down ? up : down, error)) return true;
+        if (step >= d) return false;
     }
-    return false;
 }
 
 /* the state with rho, u and alpha_old moved by so many roundings */
@@ -497,21 +507,21 @@ static inline ref_problem ref_moved(const ref_problem *p, long double rho, long 
     return moved;
 }
 
-/* The signs of F over the eight corners of inputs moved by m roundings, at x - d and x + d: which
-   of them occur? */
+/* The signs of F at x - d and x + d over the corners of inputs moved by m roundings: which of them
+   occur? u is also left where it is: P has a kink in u at u_iv and u_cv, and may be lowest there. */
 static inline void ref_corners(const ref_problem *p, long double x, long double d, long double m,
                                bool *negative, bool *positive) {
     *negative = *positive = false;
-    for (int corner = 0; corner < 8; corner++) {
-        ref_problem moved = ref_moved(p, corner & 1 ? m : -m, corner & 2 ? m : -m,
-                                      corner & 4 ? m : -m);
-        bool top = x >= p->x_cap; /* then the moved bracket's own top is meant */
+    bool top = x >= p->x_cap; /* then the moved bracket's own top is meant */
+    for (int corner = 0; corner < 12; corner++) {
+        long double move_u = (long double)(corner % 3 - 1) * m;
+        ref_problem moved = ref_moved(p, corner % 2 ? m : -m, move_u, corner < 6 ? m : -m);
         for (int side = -1; side <= 1; side += 2) {
             long double place = fmaxl((top ? moved.x_cap : x) + (long double)side * d, 0.0L);
             long double F = ref_at(&moved, top ? fminl(place, moved.x_cap) : place).F;
             *negative = *negative || F <= 0.0L;
             *positive = *positive || F >= 0.0L;
-            if (d <= 0.0L) break;
+            if (d <= 0.0L || (*negative && *positive)) break;
         }
     }
 }
