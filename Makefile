@@ -37,8 +37,8 @@ INNER_MAKE = $(MAKE) --no-print-directory INNER=1 $(SIDE_BY_SIDE)
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .SUFFIXES:
-.PHONY: help deps deps-check check test impact impact-full sensitivity movie examples bench-eos clean \
-        FORCE tests-build tests-run examples-build
+.PHONY: help deps deps-check check test impact impact-full sensitivity movie examples bench-eos \
+        stress-eos clean FORCE tests-build tests-run examples-build
 
 help: ## list these targets (the default)
 	@echo 'make TARGET [VARIABLE=value ..]'
@@ -95,6 +95,10 @@ bench-eos: ## P-alpha solvers side by side: time, evaluations, errors in build/b
 	@$(DEPS) bench
 	@+$(INNER_MAKE) $(BUILD)/bench/bench_eos $(STATES)
 	$(BUILD)/bench/bench_eos --states $(STATES) --out $(BUILD)/bench $(ARGS)
+
+stress-eos: ## the P-alpha solvers under stress, 1e7 states judged in long double (two minutes)
+	@+$(INNER_MAKE) $(BUILD)/bench/stress_eos
+	$(BUILD)/bench/stress_eos $(ARGS)
 
 # ---- tests and checks ----
 test: ## build and run the tests, one program a section
@@ -179,17 +183,22 @@ TESTS := $(patsubst tests/%.c,$(BUILD)/tests/%,$(filter-out $(SKIPPED),$(wildcar
 $(BUILD)/examples/%: examples/%.c sphpa.h $(BUILD)/flags.mk $(wildcard examples/*.h)
 	$(COMPILE) $(WARNINGS) $(hdf5_cflags) $< -o $@ $(LINK_FLAGS) $(hdf5_libs) $(LIBS)
 
-$(BUILD)/tests/test_%: tests/test_%.c sphpa.h $(BUILD)/flags.mk $(wildcard tests/*.h)
-	$(COMPILE) $(TEST_WARNINGS) -Itests $(hdf5_cflags) $(CMOCKA_CFLAGS) $< -o $@ $(LINK_FLAGS) $(hdf5_libs) $(CMOCKA_LIBS) $(LIBS)
-
-# one flag more than the rest: the vectors of the machines of today; NATIVE=1: of this one
+# what times things gets a flag more than the rest: the vectors of today's machines, or, with NATIVE=1,
+# of this one; and the libraries whose solvers are timed beside ours
 BENCH_COMPILE = $(COMPILE) $(if $(NATIVE_FLAGS),,$(BENCH_FLAGS))
 BENCH_ABOUT = -DBENCH_COMPILER='"$(COMPILER_NAME)"' \
               -DBENCH_FLAGS='"$(subst ",,$(subst ',,$(filter-out $(CC),$(BENCH_COMPILE))))"'
-$(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h) examples/example.h
+$(BUILD)/bench/bench_%: bench/bench_%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h) examples/example.h
 	@mkdir -p $(@D)
 	$(BENCH_COMPILE) $(WARNINGS) $(BENCH_ABOUT) $(if $(GSL_FOUND),-DBENCH_WITH_GSL $(GSL_CFLAGS)) $< -o $@ \
 	    $(LINK_FLAGS) $(GSL_LIBS) $(LIBS)
+
+$(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h) examples/example.h
+	@mkdir -p $(BUILD)/bench
+	$(COMPILE) $(WARNINGS) $< -o $@ $(LINK_FLAGS) $(LIBS)
+
+$(BUILD)/tests/test_%: tests/test_%.c sphpa.h $(BUILD)/flags.mk $(wildcard tests/*.h)
+	$(COMPILE) $(TEST_WARNINGS) -Itests $(hdf5_cflags) $(CMOCKA_CFLAGS) $< -o $@ $(LINK_FLAGS) $(hdf5_libs) $(CMOCKA_LIBS) $(LIBS)
 
 $(STATES): | $(IMPACT)
 	@echo 'an impact, for the states that its particles go through'

@@ -24,8 +24,8 @@
    rounding of its argument). P moves the root by |T'|/F', T(P) the alpha that P asks for. Two
    things keep cond honest. Where F' < 1/2 (P falls with alpha) 1/2 is taken, for the root of a
    dip moves like a square root and not like 1/F'. And T' jumps at the curve's kinks: where an
-   answer fails with the slope at its own place, the chord of T over P +- 16 eps S is taken, which
-   sees a kink that rounding reaches, and no other. */
+   answer fails with the slope at its own place, the steeper chord of T from P to P +- 16 eps S is
+   taken, which sees a kink that rounding reaches, and no other. */
 #ifndef EOS_REFERENCE_H
 #define EOS_REFERENCE_H
 
@@ -115,6 +115,7 @@ static inline ref_matter ref_matrix(const ref_problem *p, long double rho_s, lon
     long double lowest = p->tensile_limit > 0.0L ? -p->tensile_limit : -HUGE_VALL;
     if (rho_s < p->eta_cut * p->rho0) lowest = 0.0L;
     if (m.P < 0.0L && m.P < lowest) {
+        if (m.P + 64.0L * ref_wide(DBL_EPSILON) * m.size < lowest) m.size = -lowest; /* exact */
         m.P = lowest;
         m.dP_drho = m.dP_du = 0.0L;
     }
@@ -145,18 +146,23 @@ static inline long double ref_curve(const ref_problem *p, long double P, long do
     return fminl(first + second, p->x_top);
 }
 
-/* the P at which the curve is at x, by halving: its lowest where x = x_top or more */
+/* the P at which the curve is at x; its lowest where x = x_top or more. Newton in a bracket by
+   t = (Ps - P)/(Ps - Pe), in which the curve rises. */
 static inline long double ref_yield(const ref_problem *p, long double x) {
-    long double low = p->Pe, high = p->k2 > 0.0L ? p->Ps : p->Pt, slope;
-    if (x >= p->x_top) return low;
-    if (x <= 0.0L) return high;
-    for (int k = 0; k < 200; k++) {
-        long double middle = 0.5L * (low + high);
-        if (!(middle > low && middle < high)) break;
-        if (ref_curve(p, middle, &slope) >= x) low = middle;
-        else high = middle;
+    long double R = p->Ps - p->Pe, low = p->k2 > 0.0L ? 0.0L : (p->Ps - p->Pt) / R, high = 1.0L;
+    if (x >= p->x_top) return p->Pe;
+    if (x <= 0.0L) return p->Ps - R * low;
+    long double t = p->k1 > 0.0L ? 0.5L : powl(x / p->k2, 1.0L / p->n2), slope;
+    for (int k = 0; k < 200 && p->k1 > 0.0L; k++) {
+        long double miss = ref_curve(p, p->Ps - R * t, &slope) - x;
+        if (miss > 0.0L) high = t;
+        else low = t;
+        long double next = t + miss / (slope * R);
+        if (!(next > low && next < high) || k > 40) next = 0.5L * (low + high);
+        if (!(next > low && next < high) || fabsl(next - t) <= 2.0L * LDBL_EPSILON * t) break;
+        t = next;
     }
-    return low;
+    return p->Ps - R * t;
 }
 
 /* HERRMANN: P at x less P at `from` on one elastic line, the integral of
@@ -274,6 +280,12 @@ static inline long double ref_target(const ref_problem *p, long double P, long d
     return p->x_y;
 }
 
+/* the move of an input in roundings of 1: its own size, or that of the least normal number, below
+   which doubles lie evenly */
+static inline long double ref_moves_by(long double input) {
+    return fmaxl(input, ref_wide(DBL_MIN));
+}
+
 /* A trial alpha = 1 + x: the bulk's P, D = dP/dalpha, S of the page above, F and T' */
 typedef struct ref_point {
     long double x, P, D, S, F, slope;
@@ -286,7 +298,8 @@ static inline ref_point ref_at(const ref_problem *p, long double x) {
     point.x = x;
     point.P = m.P / alpha;
     point.D = (p->rho * m.dP_drho - point.P) / alpha;
-    point.S = (fabsl(rho_s * m.dP_drho) + fabsl(p->u * m.dP_du) + m.size) / alpha;
+    point.S = (fabsl(ref_moves_by(p->rho) * alpha * m.dP_drho) +
+               fabsl(ref_moves_by(p->u) * m.dP_du) + m.size) / alpha + ref_wide(DBL_MIN);
     point.F = x - ref_target(p, point.P, &point.slope);
     return point;
 }
@@ -442,104 +455,123 @@ static inline long double ref_cond(const ref_problem *p, long double alpha) {
     return ref_cond_of(p, &point, point.slope);
 }
 
-/* -T' as the chord over what rounding leaves open of P */
+/* T' as the steeper of the two chords from P to P +- 16 eps S */
 static inline long double ref_chord(const ref_problem *p, const ref_point *point) {
     long double dP = 16.0L * ref_wide(DBL_EPSILON) * point->S, unused;
-    if (!(dP > 0.0L)) return point->slope;
-    return (ref_target(p, point->P + dP, &unused) - ref_target(p, point->P - dP, &unused)) /
-           (2.0L * dP);
+    long double here = point->x - point->F;
+    long double up = here - ref_target(p, point->P + dP, &unused);
+    long double down = ref_target(p, point->P - dP, &unused) - here;
+    return -fmaxl(fmaxl(up, down), 0.0L) / dP;
 }
 
-/* Is a root within d of the point? *error is then how far, by the chord, or by halving where the
-   curve bends between. */
+/* Does F change its sign between the point and x? *error is then how far, by the chord, or by
+   halving where the curve bends between. */
+static inline bool ref_between(const ref_problem *p, const ref_point *point, long double x,
+                               long double *error) {
+    ref_point other = ref_at(p, x);
+    if (other.F != 0.0L && (other.F > 0.0L) == (point->F > 0.0L)) return false;
+    long double width = fabsl(x - point->x);
+    *error = width * fabsl(point->F) / (fabsl(point->F) + fabsl(other.F));
+    if (fabsl(other.slope - point->slope) <= 0.01L * fabsl(point->slope)) return true;
+    long double root = ref_bisect(p, fminl(x, point->x), fmaxl(x, point->x), 1e-6L * width);
+    *error = fabsl(root - point->x);
+    return true;
+}
+
+/* Is a root within d of the point? *error is how far the nearest is: a large d is come to in steps,
+   and first on the side on which the root of a rising F lies. */
 static inline bool ref_near(const ref_problem *p, const ref_point *point, long double d,
                             long double *error) {
+    long double step = fminl(d, 1e-8L);
     *error = 0.0L;
     if (point->F == 0.0L) return true;
-    for (int k = 0; k < 2; k++) { /* first to the side on which the root of a rising F lies */
-        bool down = (point->F > 0.0L) == (k == 0);
-        long double x = down ? fmaxl(point->x - d, 0.0L) : fminl(point->x + d, p->x_cap);
-        ref_point other = ref_at(p, x);
-        if (other.F != 0.0L && (other.F > 0.0L) == (point->F > 0.0L)) continue;
-        long double width = fabsl(x - point->x);
-        *error = width * fabsl(point->F) / (fabsl(point->F) + fabsl(other.F));
-        if (fabsl(other.slope - point->slope) <= 0.01L * fabsl(point->slope)) return true;
-        long double root = ref_bisect(p, fminl(x, point->x), fmaxl(x, point->x), 1e-6L * width);
-        *error = fabsl(root - point->x);
-        return true;
+    for (;; step = fminl(d, 100.0L * step)) {
+        long double down = fmaxl(point->x - step, 0.0L);
+        long double up = fmaxl(fminl(point->x + step, p->x_cap), point->x);
+        bool first_down = point->F > 0.0L;
+        if (ref_between(p, point, first_down ? down : up, error)) return true;
+        if (ref_between(p, point, first_down ? up : down, error)) return true;
+        if (step >= d) return false;
     }
-    return false;
 }
 
 /* the state with rho, u and alpha_old moved by so many roundings */
 static inline ref_problem ref_moved(const ref_problem *p, long double rho, long double u,
                                     long double alpha_old) {
-    const long double eps = ref_wide(DBL_EPSILON), least = ref_wide(DBL_MIN) * eps;
+    const long double eps = ref_wide(DBL_EPSILON);
     ref_problem moved = *p;
-    long double new_rho = p->rho + rho * fmaxl(eps * p->rho, least);
+    long double new_rho = p->rho + rho * eps * ref_moves_by(p->rho);
     if (!(new_rho > 0.0L)) new_rho = 0.5L * p->rho;
-    long double new_u = fmaxl(p->u + u * fmaxl(eps * p->u, least), 0.0L);
+    long double new_u = fmaxl(p->u + u * eps * ref_moves_by(p->u), 0.0L);
     ref_set_state(&moved, new_rho, new_u, p->x_old + alpha_old * eps * (1.0L + p->x_old));
     return moved;
 }
 
-/* The signs of F over the eight corners of inputs moved by m roundings, at x - d and x + d: which
-   of them occur? */
+/* The signs of F at x - d and x + d over the corners of inputs moved by m roundings: which of them
+   occur? u is also left where it is: P has a kink in u at u_iv and u_cv, and may be lowest there. */
 static inline void ref_corners(const ref_problem *p, long double x, long double d, long double m,
                                bool *negative, bool *positive) {
     *negative = *positive = false;
-    for (int corner = 0; corner < 8; corner++) {
-        ref_problem moved = ref_moved(p, corner & 1 ? m : -m, corner & 2 ? m : -m,
-                                      corner & 4 ? m : -m);
-        bool top = x >= p->x_cap; /* then the moved bracket's own top is meant */
+    bool top = x >= p->x_cap; /* then the moved bracket's own top is meant */
+    for (int corner = 0; corner < 12; corner++) {
+        long double move_u = (long double)(corner % 3 - 1) * m;
+        ref_problem moved = ref_moved(p, corner % 2 ? m : -m, move_u, corner < 6 ? m : -m);
         for (int side = -1; side <= 1; side += 2) {
             long double place = fmaxl((top ? moved.x_cap : x) + (long double)side * d, 0.0L);
             long double F = ref_at(&moved, top ? fminl(place, moved.x_cap) : place).F;
             *negative = *negative || F <= 0.0L;
             *positive = *positive || F >= 0.0L;
-            if (d <= 0.0L) break;
+            if (d <= 0.0L || (*negative && *positive)) break;
         }
     }
 }
 
-/* The least move of the inputs, in roundings, for which F is zero within d of x; infinite where a
-   million is not enough. */
-static inline long double ref_backward(const ref_problem *p, long double x, long double d) {
-    long double low = 0.0L, high = 0.0625L;
+/* Is F zero within d of x for inputs moved by no more than m roundings? */
+static inline bool ref_zero_within(const ref_problem *p, long double x, long double d,
+                                   long double m) {
     bool negative, positive;
-    for (;; low = high, high *= 2.0L) {
-        ref_corners(p, x, d, high, &negative, &positive);
-        if (negative && positive) break;
+    ref_corners(p, x, d, m, &negative, &positive);
+    return negative && positive;
+}
+
+/* The least move of the inputs, in roundings, for which F is zero within d of x: to a tenth below
+   4, to a factor of 8 above, and infinite where half a million is not enough. */
+static inline long double ref_backward(const ref_problem *p, long double x, long double d) {
+    long double low = 0.0L, high = 4.0L;
+    while (!ref_zero_within(p, x, d, high)) {
+        low = high;
+        high *= 8.0L;
         if (high > 1e6L) return HUGE_VALL;
     }
-    for (int k = 0; k < 8; k++) {
+    for (int k = 0; k < 5 && high <= 4.0L; k++) {
         long double middle = 0.5L * (low + high);
-        ref_corners(p, x, d, middle, &negative, &positive);
-        if (negative && positive) high = middle;
+        if (ref_zero_within(p, x, d, middle)) high = middle;
         else low = middle;
     }
     return high;
 }
 
+/* F <= 0 at x for all inputs moved by no more than 4 roundings? */
+static inline bool ref_surely_below(const ref_problem *p, long double x) {
+    bool negative, positive;
+    ref_corners(p, x, 0.0L, 4.0L, &negative, &positive);
+    return negative && (!positive || x >= p->x_cap);
+}
+
 /* Is there a root above x that stays one when the inputs move by 4 roundings? A pair that rounding
-   joins and parts is none. The deepest F below the first sign change stands for the dip. */
+   joins and parts is none. Two places stand for what lies below the first sign change: where F is
+   deepest, and where P is lowest. */
 static inline bool ref_root_above(const ref_problem *p, long double x) {
     long double lo, hi;
-    if (x >= p->x_cap || ref_rises(p, x, p->x_cap)) {
-        if (x >= p->x_cap || ref_at(p, x).F > 0.0L) return false;
-    }
-    if (!ref_highest(p, x, &lo, &hi)) return false;
-    long double deepest = lo, F = ref_at(p, lo).F, step = lo - x;
+    if (x >= p->x_cap || !ref_highest(p, x, &lo, &hi)) return false;
+    ref_point deepest = ref_at(p, lo), lowest = deepest;
+    long double step = lo - x;
     for (int k = 0; k < 50 && hi > lo; k++, step *= 0.5L) {
-        long double trial = ref_at(p, lo - step).F;
-        if (trial < F) {
-            F = trial;
-            deepest = lo - step;
-        }
+        ref_point trial = ref_at(p, lo - step);
+        if (trial.F < deepest.F) deepest = trial;
+        if (trial.F < 0.0L && trial.P < lowest.P) lowest = trial;
     }
-    bool negative, positive;
-    ref_corners(p, deepest, 0.0L, 4.0L, &negative, &positive);
-    return negative && (!positive || deepest >= p->x_cap);
+    return ref_surely_below(p, deepest.x) || ref_surely_below(p, lowest.x);
 }
 
 /* Is alpha a root, whichever? RIGHT, ILL or WRONG, and *reach = the d of the page above. */
@@ -548,8 +580,8 @@ static inline ref_verdict ref_judge_root(const ref_problem *p, double alpha, dou
                                          long double *reach) {
     long double x = ref_wide(alpha) - 1.0L, rounding = 16.0L * ref_wide(DBL_EPSILON);
     *error = *backward = HUGE_VALL;
-    *reach = 0.0L;
-    if (!(x >= 0.0L && x <= p->x_cap + rounding * p->cap)) return REF_WRONG;
+    *reach = 2.0L * ref_wide(tol) + rounding * p->cap;
+    if (!(x >= 0.0L && x <= 2.0L * p->x_cap + *reach)) return REF_WRONG; /* or NaN */
     *backward = 0.0L;
     ref_point point = ref_at(p, x);
     *reach = 2.0L * ref_wide(tol) + rounding * ref_cond_of(p, &point, point.slope);
@@ -565,6 +597,16 @@ static inline ref_verdict ref_judge_root(const ref_problem *p, double alpha, dou
     return *backward <= 4.0L ? REF_ILL : REF_WRONG;
 }
 
+/* Is the answer at x, whose root is `error` away, not the largest? Where cond is bad d may reach
+   over a dip and hide a root, so it is not d but the root that the search begins above. */
+static inline bool ref_not_largest(const ref_problem *p, long double x, long double error,
+                                   long double tol, long double reach) {
+    if (x >= p->x_cap || ref_rises(p, fmaxl(x - reach, 0.0L), p->x_cap)) return false;
+    long double near = x + 2.0L * error + 2.0L * tol + 16.0L * ref_wide(DBL_EPSILON) * (1.0L + x);
+    bool beyond = near < x + reach && near < p->x_cap && ref_at(p, near).F > 0.0L;
+    return ref_root_above(p, beyond ? near : x + reach);
+}
+
 /* The verdict on an answer to the tolerance tol. *error: how far the nearest root is (the largest,
    where the answer is not right). *backward: 0 where right, else by how many roundings the inputs
    must move. */
@@ -573,8 +615,8 @@ static inline ref_verdict ref_judge(const ref_problem *p, double alpha, double t
     long double reach;
     ref_verdict verdict = ref_judge_root(p, alpha, tol, error, backward, &reach);
     if (verdict == REF_WRONG) return verdict;
-    long double above = ref_wide(alpha) - 1.0L + reach;
-    return ref_root_above(p, above) ? REF_OTHER_ROOT : verdict;
+    bool lower = ref_not_largest(p, ref_wide(alpha) - 1.0L, *error, ref_wide(tol), reach);
+    return lower ? REF_OTHER_ROOT : verdict;
 }
 
 #endif /* EOS_REFERENCE_H */

@@ -67,7 +67,9 @@ static const char *input_spoil_options(sphpa_rng *rng, input_call *call) {
     switch (sphpa_rng_below(rng, 4)) {
     case 0: call->c.opt.tol = input_not_finite(rng); return "tol that is not finite";
     case 1: call->c.opt.tol = -stress_log(rng, -300.0, 0.0); return "tol < 0";
-    case 2: call->c.opt.max_iterations = -1 - (int)sphpa_rng_below(rng, 100); return "max_iterations";
+    case 2:
+        call->c.opt.max_iterations = -1 - (int)sphpa_rng_below(rng, 100);
+        return "max_iterations";
     default: call->solver = sphpa_rng_below(rng, 2) ? 4 + (int)sphpa_rng_below(rng, 9) : -1;
     }
     return "solver";
@@ -98,8 +100,8 @@ static bool input_neighbours_kept(const input_call *call, const stress_state *go
     double rho[3] = {good->rho, call->s.rho, good->rho}, u[3] = {good->u, call->s.u, good->u};
     double alpha_old[3] = {good->alpha_old, call->s.alpha_old, good->alpha_old};
     double alpha[3] = {-7.0, -7.0, -7.0}, P[3];
-    (void)sphpa_palpha_solve_batch(SPHPA_PALPHA_CRUSH_SPACE, &call->c.mat, &call->c.curve, 3, rho, u,
-                                   alpha_old, &call->c.opt, alpha, P, NULL);
+    (void)sphpa_palpha_solve_batch(SPHPA_PALPHA_CRUSH_SPACE, &call->c.mat, &call->c.curve, 3, rho,
+                                   u, alpha_old, &call->c.opt, alpha, P, NULL);
     return alpha[0] >= 1.0 && alpha[0] == alpha[2];
 }
 

@@ -53,19 +53,50 @@ static long double eos_book(ref_problem *p, long double rho, long double u) {
     return ref_matrix(p, rho, rho - p->rho0).P;
 }
 
-/* fourth-order central difference in rho (h_u = 0) or in u (h_rho = 0) */
-static long double eos_slope(ref_problem *p, long double rho, long double u, long double h_rho,
-                             long double h_u) {
-    long double near = eos_book(p, rho + h_rho, u + h_u) - eos_book(p, rho - h_rho, u - h_u);
-    long double far = eos_book(p, rho + 2.0L * h_rho, u + 2.0L * h_u) -
-                      eos_book(p, rho - 2.0L * h_rho, u - 2.0L * h_u);
-    return (8.0L * near - far) / (12.0L * (h_rho + h_u));
+/* one branch; the callers leave out of the material what would drown a difference */
+static long double eos_branch(ref_problem *p, bool vapour, long double rho, long double u) {
+    p->u = u;
+    ref_matter m = vapour ? ref_vapour(p, rho, rho - p->rho0) : ref_cold(p, rho, rho - p->rho0);
+    return m.P;
 }
 
-/* The sizes that rounding is relative to: of P, of rho dP/drho, of dP/du; with the steps that suit a
-   difference. steep: how much faster than rho itself the exponentials move. */
+/* fourth-order central difference of a branch in rho (h_u = 0) or in u (h_rho = 0) */
+static long double eos_slope(ref_problem *p, bool vapour, long double rho, long double u,
+                             long double h_rho, long double h_u) {
+    long double f[4];
+    for (int k = 0; k < 4; k++) {
+        long double step = k < 2 ? (long double)(2 * k - 1) : (long double)(4 * k - 10);
+        f[k] = eos_branch(p, vapour, rho + step * h_rho, u + step * h_u);
+    }
+    return (8.0L * (f[1] - f[0]) - (f[3] - f[2])) / (12.0L * (h_rho + h_u));
+}
+
+/* dP/drho and dP/du from differences of each branch, blended by hand: the gas term's slopes a u and
+   a rho are added, and what u does not move is left out of the difference in u */
+static void eos_slopes(const ref_problem *p, long double rho, long double u, const long double h[3],
+                       long double *drho, long double *du) {
+    ref_problem elastic = *p, thermal = *p;
+    elastic.a = thermal.a = thermal.A = thermal.B = 0.0L;
+    bool cold = rho >= p->rho0 || u <= p->u_iv;
+    long double t = cold ? 0.0L : fminl((u - p->u_iv) / (p->u_cv - p->u_iv), 1.0L);
+    *drho = p->a * u;
+    *du = p->a * rho;
+    for (int vapour = 0; vapour < 2; vapour++) {
+        long double share = vapour ? t : 1.0L - t;
+        if (share <= 0.0L) continue;
+        *drho += share * eos_slope(&elastic, vapour != 0, rho, u, h[vapour], 0.0L);
+        *du += share * eos_slope(&thermal, vapour != 0, rho, u, 0.0L, h[2]);
+    }
+    if (t <= 0.0L || t >= 1.0L) return;
+    elastic.a = p->a;
+    *du += (eos_branch(&elastic, true, rho, u) - eos_branch(&elastic, false, rho, u)) /
+           (p->u_cv - p->u_iv);
+}
+
+/* The sizes that rounding is relative to: of P, of rho dP/drho, of dP/du; with the steps that suit
+   a difference. steep: how much faster than rho itself the exponentials move. */
 typedef struct eos_sizes {
-    long double P, slope, du, h_rho, h_u;
+    long double P, slope, du, h[3]; /* h: in rho, cold and vapour; in u */
 } eos_sizes;
 
 static eos_sizes eos_sizes_at(ref_problem *p, long double rho, long double u) {
@@ -73,7 +104,8 @@ static eos_sizes eos_sizes_at(ref_problem *p, long double rho, long double u) {
     long double excess = rho - p->rho0, eta = rho / p->rho0;
     long double z = excess < 0.0L ? -excess / rho : 0.0L;
     bool cold = excess >= 0.0L || u <= p->u_iv, hybrid = !cold && u < p->u_cv;
-    long double steep = cold ? 1.0L : 1.0L + 2.0L * p->alpha * z * (1.0L + z) + p->beta * z;
+    bool gas = cold || p->alpha * z * z > 80.0L; /* no exponentials, or none that is left */
+    long double steep = gas ? 1.0L : 1.0L + 2.0L * p->alpha * z * (1.0L + z) + p->beta * z;
     p->u = u;
     ref_matter c = ref_cold(p, rho, excess), v = cold ? c : ref_vapour(p, rho, excess);
     s.P = cold || hybrid ? c.size : 0.0L;
@@ -81,21 +113,22 @@ static eos_sizes eos_sizes_at(ref_problem *p, long double rho, long double u) {
     /* what is multiplied by a vanishing exponential does not count */
     long double bulk = cold || hybrid ? p->A * eta + p->B * eta * eta : 0.0L;
     s.slope = s.P + bulk + (cold ? 0.0L : (v.size - p->a * rho * u) * steep);
-    if (!cold && p->alpha * z * z < 11300.0L)
+    if (!gas)
         s.slope += p->A * eta * expl(-(p->beta + p->alpha * z) * z) * steep;
     s.du = rho * (p->a + p->b) + (hybrid ? s.P / (p->u_cv - p->u_iv) : 0.0L);
-    s.h_rho = 1e-4L * rho / steep;
-    s.h_u = 1e-4L * (u + p->E0 * eta * eta);
+    s.h[0] = 1e-4L * rho;
+    s.h[1] = 1e-4L * rho / steep;
+    s.h[2] = 1e-4L * (u + p->E0 * eta * eta);
     return s;
 }
 
 /* Do the differences stay on one side of the borders? */
 static bool eos_smooth(const ref_problem *p, double rho, double u, const eos_sizes *s) {
     long double d_rho = fabsl(ref_wide(rho) - p->rho0);
-    if (d_rho <= 3.0L * s->h_rho) return false;
+    if (d_rho <= 3.0L * s->h[0]) return false;
     if (ref_wide(rho) > p->rho0) return true;
-    return fabsl(ref_wide(u) - p->u_iv) > 3.0L * s->h_u &&
-           fabsl(ref_wide(u) - p->u_cv) > 3.0L * s->h_u;
+    return fabsl(ref_wide(u) - p->u_iv) > 3.0L * s->h[2] &&
+           fabsl(ref_wide(u) - p->u_cv) > 3.0L * s->h[2];
 }
 
 static void eos_compare(eos_tally *t, const stress_case *c, double rho, double u) {
@@ -120,8 +153,8 @@ static void eos_compare(eos_tally *t, const stress_case *c, double rho, double u
     P = ref_matrix(&cut, wide_rho, wide_rho - cut.rho0).P;
     eos_see(t, EOS_P, fabsl(ref_wide(got.P) - P), margin * s.P, c, rho, u);
     if (!eos_smooth(&p, rho, u, &s)) return;
-    long double drho = eos_slope(&p, wide_rho, wide_u, s.h_rho, 0.0L);
-    long double du = eos_slope(&p, wide_rho, wide_u, 0.0L, s.h_u);
+    long double drho, du;
+    eos_slopes(&p, wide_rho, wide_u, s.h, &drho, &du);
     long double c2 = drho + uncut / wide_rho * (du / wide_rho);
     long double c2_size = s.slope / wide_rho + s.P / wide_rho * (s.du / wide_rho);
     c2 = fmaxl(c2, ref_wide(floor2));
@@ -201,7 +234,8 @@ static uint64_t eos_print(const eos_tally *t) {
            (unsigned long long)t->states, (unsigned long long)t->regime[0],
            (unsigned long long)t->regime[1], (unsigned long long)t->regime[2],
            (unsigned long long)t->refused, (unsigned long long)t->below_floor);
-    printf("%-10s %10s %6s  %s\n", "", "compared", "off", "worst, by 64 eps of its terms, and where");
+    printf("%-10s %10s %6s  %s\n", "", "compared", "off",
+           "worst, by 64 eps of its terms, and where");
     for (int k = 0; k < EOS_CHECKS; k++) {
         const eos_worst *w = &t->worst[k];
         printf("%-10s %10llu %6llu  %.3f  rho %.17g u %.17g %s\n", eos_check_names[k],
