@@ -95,11 +95,13 @@ static void bench_add_panel(bench_script *script, const bench_report *report, in
                   : "unset key");
     const char *comma = "";
     for (int s = 0; s < BENCH_SOLVER_COUNT; s++) {
-        if (bench_find(report, k, s, report->tols[0]) == NULL) continue;
+        const bench_row *row = bench_find(report, k, s, report->tols[0]);
+        if (row == NULL) continue;
         bench_style style = bench_style_of(bench_solvers[s].name);
         bench_add(script, "%s'work_precision.dat' index %d using 2:3 with linespoints lc rgb '%s' "
-                          "%s title '%s'",
-                  comma, k * BENCH_SOLVER_COUNT + s, style.colour, style.rest, style.solver);
+                          "%s title '%s%s'",
+                  comma, k * BENCH_SOLVER_COUNT + s, style.colour, style.rest, style.solver,
+                  row->converged < mix->set.n ? " (part)" : ""); /* of those that converge */
         comma = ", \\\n  ";
     }
     bench_add(script, "\n");

@@ -352,8 +352,8 @@ static void bench_write_about(FILE *to, const bench_report *report, const char *
     fprintf(to, "%sgsl-*: GSL %s, which evaluates through a function pointer; all others are "
                 "inlined\n", mark, GSL_VERSION);
 #endif
-    fprintf(to, "%sall but the library's own: the crush curve is prepared outside the loop, no input "
-                "is checked, no sound speed is returned\n", mark);
+    fprintf(to, "%sall but the library's own: the crush curve is prepared outside the loop, no "
+                "input is checked, no sound speed is returned\n", mark);
     if (report->n < BENCH_ENOUGH)
         fprintf(to, "%sonly %zu states a mix: a processor learns their branches by heart, and all "
                     "times are too good\n", mark, report->n);
