@@ -15,6 +15,7 @@ NATIVE ?=
 REAL ?= double
 OPENMP ?=
 HDF5 ?=
+GSL ?=
 NO_INSTALL ?=
 ARGS ?=
 export NO_INSTALL
@@ -25,7 +26,7 @@ ifeq ($(origin CC),default)
 CC := $(shell command -v cc >/dev/null 2>&1 && echo cc || { command -v gcc || command -v clang || echo cc; })
 endif
 # for the scripts too, as they were given
-export CC NATIVE OPENMP HDF5 HDF5_CFLAGS HDF5_LIBS
+export CC NATIVE OPENMP HDF5 GSL HDF5_CFLAGS HDF5_LIBS
 
 DEPS = sh tests/deps.sh
 # jobs side by side, unless you gave -j yourself: then make's own count holds
@@ -36,8 +37,8 @@ INNER_MAKE = $(MAKE) --no-print-directory INNER=1 $(SIDE_BY_SIDE)
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .SUFFIXES:
-.PHONY: help deps deps-check check test impact impact-full sensitivity movie examples clean FORCE \
-        tests-build tests-run examples-build
+.PHONY: help deps deps-check check test impact impact-full sensitivity movie examples bench-eos \
+        stress-eos clean FORCE tests-build tests-run examples-build
 
 help: ## list these targets (the default)
 	@echo 'make TARGET [VARIABLE=value ..]'
@@ -45,7 +46,7 @@ help: ## list these targets (the default)
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F '|' '{ printf "  %-12s %s\n", $$1, $$2 }'
 	@echo
 	@echo '  NATIVE=1      for this very processor      REAL=float   single precision state'
-	@echo '  CC, CFLAGS    compiler and its flags       OPENMP=0, HDF5=0   leave it out'
+	@echo '  CC, CFLAGS    compiler and its flags       OPENMP=0, HDF5=0, GSL=0   leave it out'
 	@echo '  ARGS="..."    handed to the program, as in make impact ARGS="--particles 10000"'
 	@echo '  NO_INSTALL=1  never install anything       BUILD=dir    instead of build'
 
@@ -85,6 +86,19 @@ movie: ## the impact as an animated GIF, correction and Balsara on beside off; g
 examples: ## build all examples into build/examples
 	@$(DEPS) impact
 	@+$(INNER_MAKE) examples-build
+
+# ---- benchmarks ----
+# the states of a small impact, kept: recorded again only where they are missing
+STATES = $(BUILD)/bench/states.txt
+
+bench-eos: ## P-alpha solvers side by side: time, evaluations, errors in build/bench/eos.csv
+	@$(DEPS) bench
+	@+$(INNER_MAKE) $(BUILD)/bench/bench_eos $(STATES)
+	$(BUILD)/bench/bench_eos --states $(STATES) --out $(BUILD)/bench $(ARGS)
+
+stress-eos: ## the P-alpha solvers under stress, 1e7 states judged in long double (two minutes)
+	@+$(INNER_MAKE) $(BUILD)/bench/stress_eos
+	$(BUILD)/bench/stress_eos $(ARGS)
 
 # ---- tests and checks ----
 test: ## build and run the tests, one program a section
@@ -169,8 +183,27 @@ TESTS := $(patsubst tests/%.c,$(BUILD)/tests/%,$(filter-out $(SKIPPED),$(wildcar
 $(BUILD)/examples/%: examples/%.c sphpa.h $(BUILD)/flags.mk $(wildcard examples/*.h)
 	$(COMPILE) $(WARNINGS) $(hdf5_cflags) $< -o $@ $(LINK_FLAGS) $(hdf5_libs) $(LIBS)
 
+# what times things gets a flag more than the rest: the vectors of today's machines, or, with NATIVE=1,
+# of this one; and the libraries whose solvers are timed beside ours
+BENCH_COMPILE = $(COMPILE) $(if $(NATIVE_FLAGS),,$(BENCH_FLAGS))
+BENCH_ABOUT = -DBENCH_COMPILER='"$(COMPILER_NAME)"' \
+              -DBENCH_FLAGS='"$(subst ",,$(subst ',,$(filter-out $(CC),$(BENCH_COMPILE))))"'
+$(BUILD)/bench/bench_%: bench/bench_%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h) examples/example.h
+	@mkdir -p $(@D)
+	$(BENCH_COMPILE) $(WARNINGS) $(BENCH_ABOUT) $(if $(GSL_FOUND),-DBENCH_WITH_GSL $(GSL_CFLAGS)) $< -o $@ \
+	    $(LINK_FLAGS) $(GSL_LIBS) $(LIBS)
+
+$(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h) examples/example.h
+	@mkdir -p $(BUILD)/bench
+	$(COMPILE) $(WARNINGS) $< -o $@ $(LINK_FLAGS) $(LIBS)
+
 $(BUILD)/tests/test_%: tests/test_%.c sphpa.h $(BUILD)/flags.mk $(wildcard tests/*.h)
 	$(COMPILE) $(TEST_WARNINGS) -Itests $(hdf5_cflags) $(CMOCKA_CFLAGS) $< -o $@ $(LINK_FLAGS) $(hdf5_libs) $(CMOCKA_LIBS) $(LIBS)
+
+$(STATES): | $(IMPACT)
+	@echo 'an impact, for the states that its particles go through'
+	$(IMPACT) --particles 2000 --projectile-particles 200 --t-end 4e-5 --compare off --snapshots off \
+	    --quiet --out $(BUILD)/bench/impact --record-states $@ > /dev/null
 
 examples-build: $(EXAMPLES)
 	@for name in $(SKIPPED); do echo "skipped: $$name (no HDF5)"; done

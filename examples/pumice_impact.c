@@ -46,6 +46,7 @@ typedef struct impact_options {
     long ensemble, threads, compare_particles;
     int dry_run, quiet, compare, snapshots;
     const char *out, *resume, *sensitivity, *movie, *target_file;
+    const char *record; /* states of P-alpha solves go there; NULL: nowhere */
     const char *go_on; /* what --resume takes after an interrupt; NULL: the run's own checkpoint */
     int again;         /* not 0: nothing, the same command goes on */
     int scratch;       /* not 0: of several runs; a checkpoint of others is begun anew */
@@ -221,6 +222,71 @@ static sphpa_result impact_bodies(sphpa_particles *p, const impact_scene *scene,
     return sphpa_make_sphere(p, centre, small, &body, err);
 }
 
+/* ---- states for the solvers' benchmark ------------------------------------------------------- */
+
+/* A pass of our own writes down what the P-alpha equation was solved for: bulk density, energy and
+   the distention that the step began with, of the target's particles at the end of a step. The file
+   is text: lines "# key value" that name the material and the curve, then a line rho [kg/m3],
+   u [J/kg], alpha_old [1] for each state. Of every particle in turn, at about a hundred times that
+   are evenly spread: some ten megabytes, whatever the size of the run. */
+enum { IMPACT_SAMPLES = 100, IMPACT_SAMPLE_STATES = 2000 };
+
+typedef struct impact_recorder {
+    example_file file; /* stream is NULL: not yet open */
+    double every;      /* [s] between samples */
+    int samples;       /* taken so far */
+} impact_recorder;
+
+/* RESIZE: once a step, after the commit, in one call; it leaves the particles as they are */
+static sphpa_result impact_record_states(sphpa_sim *sim, void *params, size_t first, size_t last,
+                                         size_t *bad) {
+    impact_recorder *recorder = (impact_recorder *)params;
+    const sphpa_particles *p = &sim->p;
+    (void)bad;
+    if (recorder->file.stream == NULL || sim->time < recorder->every * recorder->samples)
+        return SPHPA_OK;
+    int64_t stride = (int64_t)((last - first) / IMPACT_SAMPLE_STATES) + 1;
+    for (size_t i = first; i < last; i++) {
+        if (p->material[i] != IMPACT_TARGET || (p->id[i] + recorder->samples) % stride != 0)
+            continue;
+        fprintf(recorder->file.stream, "%.17g %.17g %.17g\n", p->rho[i], fmax(p->u[i], 0.0),
+                p->start.alpha[i]);
+    }
+    recorder->samples++;
+    return SPHPA_OK;
+}
+
+static sphpa_module impact_recorder_module(impact_recorder *recorder) {
+    sphpa_module module;
+    memset(&module, 0, sizeof module);
+    module.name = "recorder";
+    module.params = recorder;
+    module.passes = 1;
+    module.pass[0].name = "record states";
+    module.pass[0].stage = SPHPA_STAGE_RESIZE;
+    module.pass[0].reads =
+        SPHPA_F(rho) | SPHPA_F(u) | SPHPA_F(alpha) | SPHPA_F(material) | SPHPA_F(id);
+    module.pass[0].particle = impact_record_states;
+    return module;
+}
+
+static void impact_recorder_open(impact_recorder *recorder, const char *path, double t_end,
+                                 const impact_scene *scene) {
+    char folder[EXAMPLE_PATH];
+    const sphpa_crush *curve = &scene->crush[IMPACT_TARGET];
+    const char *name = impact_split(path, folder);
+    example_folder_of(folder, "--record-states");
+    recorder->file = example_open_of(folder, name, "--record-states");
+    recorder->every = t_end / IMPACT_SAMPLES;
+    fprintf(recorder->file.stream,
+            "# states of P-alpha solves in an impact: rho [kg/m3] u [J/kg] alpha_old [1]\n"
+            "# material %s\n# curve %s\n# alpha0 %.17g\n# Pe %.17g\n# Pt %.17g\n# Ps %.17g\n"
+            "# alpha_e %.17g\n# alpha_t %.17g\n# n1 %.17g\n# n2 %.17g\n",
+            scene->material[IMPACT_TARGET].name,
+            curve->kind == SPHPA_CRUSH_TWO_EXPONENT ? "two-exponent" : "quadratic", curve->alpha0,
+            curve->Pe, curve->Pt, curve->Ps, curve->alpha_e, curve->alpha_t, curve->n1, curve->n2);
+}
+
 /* ---- one run --------------------------------------------------------------------------------- */
 
 typedef struct impact_run {
@@ -228,6 +294,7 @@ typedef struct impact_run {
     const impact_options *o;
     char out[EXAMPLE_PATH], checkpoint[EXAMPLE_PATH + 32]; /* the last good one, or "" */
     impact_scene scene;
+    impact_recorder recorder;
     sphpa_sim sim;
     sphpa_totals start; /* at t = 0 */
     double target_mass, projectile_mass;
@@ -350,6 +417,8 @@ static sphpa_result impact_begin(impact_run *run, sphpa_error *err) {
     options.cfl = run->s.cfl;
     impact_materials(&run->scene, &run->s);
     impact_modules(&run->scene, &run->s);
+    if (run->o->record != NULL)
+        sphpa_scene_add(&run->scene.scene, impact_recorder_module(&run->recorder));
     sphpa_result result =
         impact_bodies(&bodies, &run->scene, &run->s, run->o->target_file, err);
     if (result == SPHPA_OK)
@@ -521,8 +590,11 @@ static impact_run *impact_must_run(const impact_settings *s, const impact_option
     example_folder(run->out);
     sphpa_result result = impact_create(run, &err);
     if (result != SPHPA_OK) example_fail(1, "%s", err.message);
+    if (o->record != NULL) impact_recorder_open(&run->recorder, o->record, s->t_end, &run->scene);
     result = impact_go(run, &err);
+    if (o->record != NULL && result == SPHPA_OK) example_close(&run->recorder.file);
     if (result == SPHPA_OK) return run;
+    if (o->record != NULL) example_discard(&run->recorder.file);
     int status = impact_explain(run, result, &err);
     impact_free(run);
     exit(status);
@@ -787,6 +859,7 @@ static void impact_compare(const impact_run *run, impact_report *to) {
     if (o.compare_particles > 0 && o.compare_particles < s.particles)
         s.particles = o.compare_particles;
     s.correction = s.balsara = 0;
+    o.record = NULL;
     o.resume = NULL; /* it is short, and made anew: the run before it is what a checkpoint is for */
     o.go_on = run->checkpoint;
     o.snapshots = 0;
@@ -984,6 +1057,9 @@ static void impact_check(const impact_settings *s, const impact_options *o) {
     if (many != NULL && o->resume != NULL && strcmp(o->resume, "auto") != 0)
         example_fail(2, "--resume %s: with %s, which makes several runs, give --resume auto",
                      o->resume, many);
+    if (o->record != NULL && (many != NULL || o->resume != NULL))
+        example_fail(2, "--record-states %s: of one run from its beginning; leave %s out",
+                     o->record, many != NULL ? many : "--resume");
     if (o->sensitivity != NULL && o->target_file != NULL)
         example_fail(2, "--target %s: --sensitivity varies the sphere; leave one of them out",
                      o->target_file);
@@ -1037,6 +1113,8 @@ static void impact_parse(int argc, char **argv, impact_settings *s, impact_optio
         example_switch("snapshots", &o->snapshots, "write them"),
         example_text("sensitivity", "FILE.csv", &o->sensitivity, "run the table of assumptions"),
         example_text("movie", "FILE.gif", &o->movie, "run on beside off, as a movie"),
+        example_text("record-states", "FILE", &o->record,
+                     "rho, u, alpha_old of P-alpha solves, for make bench-eos"),
         example_flag("dry-run", &o->dry_run, "memory, steps and time only"),
         example_flag("quiet", &o->quiet, "no progress on stderr")};
     int count = (int)(sizeof options / sizeof options[0]);

@@ -1,8 +1,9 @@
 #!/bin/sh
-# deps.sh impact|test|check: installs what that task needs and the machine lacks.
+# deps.sh impact|test|bench|check: installs what that task needs and the machine lacks.
 #
 #   impact   a C11 compiler; HDF5 (snapshots), gnuplot (pictures) and OpenMP are optional
 #   test     a C11 compiler and cmocka; HDF5 is optional (its own tests need it)
+#   bench    a C11 compiler; GSL (solvers to compare with), gnuplot, HDF5 and OpenMP are optional
 #   check    everything that `make check` uses: both compilers, sanitizers, the snapshot's readers
 #
 # Says what it does. Installs as root or with a password-less sudo, never asks; without the right
@@ -16,14 +17,16 @@ task=${1:-}
 case $task in
 impact) required='compiler' optional='openmp hdf5 gnuplot' ;;
 test) required='compiler cmocka' optional='openmp hdf5' ;;
+bench) required='compiler' optional='openmp hdf5 gnuplot gsl' ;;
 check) required='compiler cmocka'
-    optional='openmp hdf5 gnuplot gcc g++ clang clang-openmp sanitizers nm h5py yt vtk' ;;
-*) echo "usage: $0 impact|test|check" >&2; exit 2 ;;
+    optional='openmp hdf5 gnuplot gsl gcc g++ clang clang-openmp sanitizers nm h5py yt vtk' ;;
+*) echo "usage: $0 impact|test|bench|check" >&2; exit 2 ;;
 esac
 
 # what you leave out on purpose is not missing
 [ "${OPENMP:-}" = 0 ] && optional=$(echo " $optional " | sed 's/ openmp / /')
 [ "${HDF5:-}" = 0 ] && optional=$(echo " $optional " | sed 's/ hdf5 / /')
+[ "${GSL:-}" = 0 ] && optional=$(echo " $optional " | sed 's/ gsl / /')
 
 say() { echo "deps: $*"; }
 have() { command -v "$1" > /dev/null 2>&1; }
@@ -51,6 +54,7 @@ there() {
     openmp) echo "$found" | grep -q '^OPENMP_CFLAGS := .*-fopenmp\( \|$\)' ;;
     hdf5) seen HDF5_FOUND ;;
     cmocka) seen CMOCKA_FOUND ;;
+    gsl) seen GSL_FOUND ;;
     gnuplot) have gnuplot ;;
     gcc | clang) runs "$1" ;;
     g++) runs g++ -x c++ ;;
@@ -81,6 +85,7 @@ packages() {
     apt-get:hdf5) echo libhdf5-dev ;;
     apt-get:cmocka) echo libcmocka-dev ;;
     apt-get:gnuplot) echo gnuplot-nox ;;
+    apt-get:gsl) echo libgsl-dev ;;
     apt-get:clang-openmp) echo libomp-dev ;;
     apt-get:sanitizers) echo gcc libclang-rt-dev ;;
     apt-get:nm) echo binutils ;;
@@ -92,6 +97,7 @@ packages() {
     dnf:openmp) echo libgomp ;;
     dnf:hdf5) echo hdf5-devel ;;
     dnf:cmocka) echo libcmocka-devel ;;
+    dnf:gsl) echo gsl-devel ;;
     dnf:clang-openmp) echo libomp-devel ;;
     dnf:sanitizers) echo libasan libubsan ;;
     dnf:nm) echo binutils ;;
@@ -173,6 +179,7 @@ without() {
     openmp) echo "no OpenMP: everything runs on one thread" ;;
     hdf5) echo "no HDF5: plain text output instead of snapshots; the snapshot's tests are skipped" ;;
     gnuplot) echo "no gnuplot: no pictures" ;;
+    gsl) echo "no GSL: its root finders are not in the benchmark's tables" ;;
     *) echo "no $1: its checks are skipped" ;;
     esac
 }

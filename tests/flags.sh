@@ -5,10 +5,10 @@
 # number. The Makefile keeps the answers in build/flags.mk; everything compiled depends on that
 # file, so another compiler, other flags or a library that appears cause a rebuild.
 #
-# Reads: CC, NATIVE=1, OPENMP=0 (leave it out), HDF5=0 (leave it out), HDF5_CFLAGS and HDF5_LIBS
-# (a library in a place of its own), STAMP (any text that a rebuild shall depend on).
+# Reads: CC, NATIVE=1, OPENMP=0, HDF5=0, GSL=0 (leave it out), HDF5_CFLAGS and HDF5_LIBS (a library
+# in a place of its own), STAMP (any text that a rebuild shall depend on).
 set -u
-: "${CC:=cc}" "${NATIVE:=}" "${OPENMP:=}" "${HDF5:=}" "${HDF5_CFLAGS:=}" "${HDF5_LIBS:=}" "${STAMP:=}"
+: "${CC:=cc}" "${NATIVE:=}" "${OPENMP:=}" "${HDF5:=}" "${GSL:=}" "${HDF5_CFLAGS:=}" "${HDF5_LIBS:=}" "${STAMP:=}"
 
 dir=$(mktemp -d) || exit 1
 trap 'rm -rf "$dir"' EXIT
@@ -64,6 +64,16 @@ probe_native() {
     elif empty | works -mcpu=native ''; then
         native_flags=-mcpu=native
     fi
+}
+
+# the instructions that programs are compiled for which time things: what most machines have by now
+probe_bench() {
+    bench_flags=$native_flags
+    [ -n "$bench_flags" ] && return
+    echo 'int main(void) {
+    __builtin_cpu_init();
+    return !(__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"));
+}' | works -march=x86-64-v3 '' && bench_flags=-march=x86-64-v3
 }
 
 # ---- HDF5 ----
@@ -127,13 +137,34 @@ probe_cmocka() {
     [ -n "$brewed" ] && try_cmocka "-isystem $brewed/include" "-L$brewed/lib -lcmocka"
 }
 
+# ---- GSL: its root finders are timed beside ours ----
+gsl_program='#include <gsl/gsl_roots.h>
+int main(void) { return gsl_root_fsolver_brent == 0; }'
+try_gsl() {
+    cflags=$(echo "$1" | sed 's/-I */-isystem /g')
+    echo "$gsl_program" | works "$cflags" "$2" || return 1
+    gsl_found=yes gsl_cflags=$cflags gsl_libs=$2
+}
+probe_gsl() {
+    gsl_found='' gsl_cflags='' gsl_libs=''
+    [ "$GSL" = 0 ] && return
+    try_gsl '' '-lgsl -lgslcblas -lm' && return
+    if have pkg-config && pkg-config --exists gsl 2> /dev/null; then
+        try_gsl "$(pkg-config --cflags gsl)" "$(pkg-config --libs gsl)" && return
+    fi
+    brewed=$(brew_prefix gsl)
+    [ -n "$brewed" ] && try_gsl "-isystem $brewed/include" "-L$brewed/lib -lgsl -lgslcblas -lm"
+}
+
 compiler=''
 empty | works '' '' && compiler=yes
 probe_openmp
 probe_gc
 probe_native
+probe_bench
 probe_hdf5
 probe_cmocka
+probe_gsl
 cat << END
 # written by tests/flags.sh: what was found here
 COMPILER_WORKS := $compiler
@@ -142,11 +173,15 @@ OPENMP_CFLAGS := $openmp_flags
 OPENMP_LIBS := $openmp_libs
 GC_FLAGS := $gc_flags
 NATIVE_FLAGS := $native_flags
+BENCH_FLAGS := $bench_flags
 HDF5_FOUND := $hdf5_found
 HDF5_FOUND_CFLAGS := $hdf5_cflags
 HDF5_FOUND_LIBS := $hdf5_libs
 CMOCKA_FOUND := $cmocka_found
 CMOCKA_CFLAGS := $cmocka_cflags
 CMOCKA_LIBS := $cmocka_libs
+GSL_FOUND := $gsl_found
+GSL_CFLAGS := $gsl_cflags
+GSL_LIBS := $gsl_libs
 STAMP_SEEN := $STAMP
 END
