@@ -36,7 +36,8 @@ static const char *input_spoil_curve(sphpa_rng *rng, sphpa_crush *k) {
     double *all[8] = {&k->alpha0, &k->Pe, &k->Ps, &k->Pt, &k->alpha_t, &k->n1, &k->n2, &k->alpha_e};
     bool two = k->kind == SPHPA_CRUSH_TWO_EXPONENT;
     if (sphpa_rng_below(rng, 4) == 0) {
-        *all[sphpa_rng_below(rng, two ? 8 : 3)] = input_not_finite(rng);
+        uint32_t field = sphpa_rng_below(rng, two ? 8 : 3); /* drawn first on every compiler */
+        *all[field] = input_not_finite(rng);
         return "a value of the curve that is not finite";
     }
     switch (sphpa_rng_below(rng, two ? 8 : 4)) {
