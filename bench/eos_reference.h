@@ -508,7 +508,8 @@ static inline ref_problem ref_moved(const ref_problem *p, long double rho, long 
 }
 
 /* The signs of F at x - d and x + d over the corners of inputs moved by m roundings: which of them
-   occur? u is also left where it is: P has a kink in u at u_iv and u_cv, and may be lowest there. */
+   occur? u is also left where it is: P has a kink in u at u_iv and u_cv, and may be lowest
+   there. */
 static inline void ref_corners(const ref_problem *p, long double x, long double d, long double m,
                                bool *negative, bool *positive) {
     *negative = *positive = false;

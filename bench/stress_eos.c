@@ -42,13 +42,15 @@ typedef struct extreme {
 
 /* what one solver did */
 typedef struct tally {
-    uint64_t states, right, other_root, ill, wrong, not_converged, refused, P_off, well;
+    uint64_t states, right, other_root, ill, wrong, not_converged, refused, P_off;
+    uint64_t wrong_line; /* of the wrong those whose curve has an elastic line (HERRMANN) */
+    uint64_t long_ones;  /* took more than MOST_EVALUATIONS */
     extreme alpha;     /* error by tol, where right and 16 eps cond <= tol */
     extreme alpha_all; /* error where right, whatever cond */
     extreme P;         /* |P - P(alpha)| by what is allowed */
     extreme evaluations;
     extreme backward; /* [roundings] of the ill */
-    extreme worst_wrong, worst_other, worst_refused, worst_not_converged, worst_P;
+    extreme worst_wrong, worst_line, worst_other, worst_refused, worst_not_converged, worst_P;
 } tally;
 
 typedef struct totals {
@@ -77,12 +79,12 @@ static void extreme_clear(extreme *e) {
 }
 
 /* the same for every extreme of a tally */
-enum { EXTREMES = 10 };
+enum { EXTREMES = 11 };
 static void tally_extremes(tally *t, extreme *list[EXTREMES]) {
     extreme *all[EXTREMES] = {&t->alpha,       &t->alpha_all,     &t->P,
                               &t->evaluations, &t->backward,      &t->worst_wrong,
                               &t->worst_other, &t->worst_refused, &t->worst_not_converged,
-                              &t->worst_P};
+                              &t->worst_P,     &t->worst_line};
     memcpy(list, all, sizeof all);
 }
 
@@ -108,7 +110,8 @@ static void totals_merge(totals *into, totals *from) {
         a->not_converged += b->not_converged;
         a->refused += b->refused;
         a->P_off += b->P_off;
-        a->well += b->well;
+        a->wrong_line += b->wrong_line;
+        a->long_ones += b->long_ones;
         tally_extremes(a, to);
         tally_extremes(b, of);
         for (int i = 0; i < EXTREMES; i++) extreme_merge(to[i], of[i]);
@@ -132,6 +135,22 @@ typedef struct finding {
     bool well; /* well-conditioned: 16 eps cond <= tol */
 } finding;
 
+/* is the P of an answer that of its alpha, or of one within the tolerance? Where its own slope says
+   no, a cut-off may begin there: then the neighbours on both sides are asked. */
+static void judge_P(const ref_problem *p, const sphpa_palpha_solution *out, long double tol,
+                    finding *f) {
+    long double x = ref_wide(out->alpha) - 1.0L, eps16 = 16.0L * ref_wide(DBL_EPSILON);
+    long double moved = 2.0L * tol + eps16 * p->cap;
+    ref_point point = ref_at(p, x);
+    f->P_allowed = fabsl(point.D) * moved + eps16 * point.S;
+    f->P_error = fabsl(ref_wide(out->P) - point.P);
+    if (!(f->P_error >= 0.0L)) f->P_error = HUGE_VALL; /* NaN */
+    if (f->P_error <= f->P_allowed) return;
+    ref_point low = ref_at(p, fmaxl(x - moved, 0.0L)), high = ref_at(p, x + moved);
+    f->P_allowed = fmaxl(f->P_allowed, fabsl(low.P - point.P) + eps16 * low.S);
+    f->P_allowed = fmaxl(f->P_allowed, fabsl(high.P - point.P) + eps16 * high.S);
+}
+
 /* alpha and P of an answer; `known` (may be NULL) is a right answer at known_alpha: whoever is
    within reach of it has the same root, and need not look for higher ones again */
 static finding judge(const ref_problem *p, const sphpa_palpha_solution *out, double tol,
@@ -145,17 +164,14 @@ static finding judge(const ref_problem *p, const sphpa_palpha_solution *out, dou
     if (f.verdict != REF_WRONG && !same && ref_not_largest(p, x, f.error, ref_wide(tol), f.reach))
         f.verdict = REF_OTHER_ROOT;
     f.well = f.reach <= 3.0L * ref_wide(tol);
-    ref_point point = ref_at(p, x);
-    long double eps = ref_wide(DBL_EPSILON), moved = 2.0L * ref_wide(tol) + 16.0L * eps * p->cap;
-    f.P_allowed = fabsl(point.D) * moved + 16.0L * eps * point.S;
-    f.P_error = fabsl(ref_wide(out->P) - point.P);
-    if (!(f.P_error >= 0.0L)) f.P_error = HUGE_VALL; /* NaN */
+    judge_P(p, out, ref_wide(tol), &f);
     return f;
 }
 
 static void count(tally *t, const answer *a, const finding *f, double tol, uint64_t place,
                   const stress_case *c, const stress_state *s) {
     t->states++;
+    if (a->out.evaluations > MOST_EVALUATIONS) t->long_ones++;
     extreme_see(&t->evaluations, (long double)a->out.evaluations, place, c, s);
     if (a->result == SPHPA_ERROR_NOT_CONVERGED) {
         t->not_converged++;
@@ -174,15 +190,14 @@ static void count(tally *t, const answer *a, const finding *f, double tol, uint6
         break;
     case REF_WRONG:
         t->wrong++;
-        extreme_see(&t->worst_wrong, f->error, place, c, s);
+        if (c->curve.elastic == SPHPA_CRUSH_HERRMANN) t->wrong_line++;
+        extreme_see(c->curve.elastic == SPHPA_CRUSH_HERRMANN ? &t->worst_line : &t->worst_wrong,
+                    f->error, place, c, s);
         return;
     }
     bool root = f->verdict == REF_RIGHT || f->verdict == REF_OTHER_ROOT;
     if (root) extreme_see(&t->alpha_all, f->error, place, c, s);
-    if (root && f->well) {
-        t->well++;
-        extreme_see(&t->alpha, f->error / ref_wide(tol), place, c, s);
-    }
+    if (root && f->well) extreme_see(&t->alpha, f->error / ref_wide(tol), place, c, s);
     if (f->P_allowed > 0.0L) extreme_see(&t->P, f->P_error / f->P_allowed, place, c, s);
     if (f->P_error <= f->P_allowed) return;
     t->P_off++;
@@ -228,10 +243,21 @@ static void judge_state(totals *t, const stress_case *c, const stress_state *s,
     extreme_see(&t->worst_apart, apart, place, c, s);
 }
 
+/* one state; through the batch as a batch of one */
 static answer ask(int solver, const stress_case *c, const stress_state *s) {
     answer a;
     memset(&a, 0, sizeof a);
     a.asked = true;
+    if (solver == BATCH) {
+        sphpa_palpha_stats stats;
+        memset(&stats, 0, sizeof stats);
+        stats.residual = &a.out.residual;
+        a.result = sphpa_palpha_solve_batch(solver_codes[solver], &c->mat, &c->curve, 1, &s->rho,
+                                            &s->u, &s->alpha_old, &c->opt, &a.out.alpha, &a.out.P,
+                                            &stats);
+        a.out.evaluations = stats.evaluations_max;
+        return a;
+    }
     a.result = sphpa_palpha_solve(solver_codes[solver], &c->mat, &c->curve, s->rho, s->u,
                                   s->alpha_old, &c->opt, &a.out);
     return a;
@@ -333,26 +359,36 @@ static void print_worst(const char *solver, const char *what, const extreme *e,
                         const extreme *shown) {
     if (e->place == UINT64_MAX || (shown != NULL && shown->place == e->place)) return;
     printf("  %s, %s %.3Lg:\n    ", solver, what, e->value);
-    stress_print_replay(stdout, &e->where, &e->state,
-                        strcmp(solver, solver_names[BATCH]) == 0 ? solver_names[CRUSH_SPACE]
-                                                                 : solver);
+    stress_print_replay(stdout, &e->where, &e->state, solver);
+}
+
+static void print_count(uint64_t n, int width) {
+    printf(" %*llu", width, (unsigned long long)n);
 }
 
 static void print_tally(const char *name, const tally *t) {
-    printf("%-17s %10llu %10llu %7llu %6llu %6llu %9llu %7llu %6llu %5.0Lf %8.2Lf %8.1Le %8.2Lf "
-           "%8.2Lf\n",
-           name, (unsigned long long)t->states, (unsigned long long)t->right,
-           (unsigned long long)t->other_root, (unsigned long long)t->ill,
-           (unsigned long long)t->wrong, (unsigned long long)t->not_converged,
-           (unsigned long long)t->refused, (unsigned long long)t->P_off, t->evaluations.value,
-           t->alpha.value, t->alpha_all.value, t->P.value, t->backward.value);
+    printf("%-17s", name);
+    print_count(t->states, 10);
+    print_count(t->right, 10);
+    print_count(t->other_root, 7);
+    print_count(t->ill, 6);
+    print_count(t->wrong, 6);
+    print_count(t->wrong_line, 8);
+    print_count(t->not_converged, 9);
+    print_count(t->refused, 7);
+    print_count(t->P_off, 5);
+    printf(" %5.0Lf", t->evaluations.value);
+    print_count(t->long_ones, 6);
+    printf(" %7.2Lf %8.1Le %7.2Lg %7.2Lf\n", t->alpha.value, t->alpha_all.value, t->P.value,
+           t->backward.value);
 }
 
 static void print_solvers(const totals *all) {
-    printf("%-17s %10s %10s %7s %6s %6s %9s %7s %6s %5s %8s %8s %8s %8s\n", "solver", "states",
-           "right", "other", "ill", "wrong", "not conv.", "refused", "P off", "evals", "err/tol",
-           "max err", "P err", "ill ulp");
+    printf("%-17s %10s %10s %7s %6s %6s %8s %9s %7s %5s %5s %6s %7s %8s %7s %7s\n", "solver",
+           "states", "right", "other", "ill", "wrong", "HERRMANN", "not conv.", "refused", "P off",
+           "evals", "> 40", "err/tol", "max err", "P err", "ill ulp");
     for (int k = 0; k < SOLVERS; k++) print_tally(solver_names[k], &all->solver[k]);
+    printf("HERRMANN: the share of the wrong whose curve has an elastic line.\n");
     printf("evals: the most that one state took. err/tol: largest error of alpha, in tolerances,\n"
            "where 16 eps cond is no more than one; max err: largest where right, whatever cond.\n"
            "P err: largest |P - P(alpha)| by what is allowed, |dP/dalpha| (2 tol + 16 eps alpha)\n"
@@ -364,6 +400,7 @@ static void print_solvers(const totals *all) {
         const char *name = solver_names[k];
         const tally *t = &all->solver[k], *s = k == BATCH ? &all->solver[CRUSH_SPACE] : NULL;
         print_worst(name, "wrong, error", &t->worst_wrong, s ? &s->worst_wrong : NULL);
+        print_worst(name, "wrong (HERRMANN), error", &t->worst_line, s ? &s->worst_line : NULL);
         if (k >= CRUSH_SPACE)
             print_worst(name, "not the largest", &t->worst_other, s ? &s->worst_other : NULL);
         print_worst(name, "refused", &t->worst_refused, s ? &s->worst_refused : NULL);
@@ -523,15 +560,15 @@ static void replay_answer(int solver, const stress_case *c, const stress_state *
     static const char *const verdicts[4] = {"right", "other root", "ill", "WRONG"};
     answer a = ask(solver, c, s);
     if (!answered(&a)) {
-        printf("%-12s refused: %s\n", solver_names[solver], sphpa_result_message(a.result));
+        printf("%-17s refused: %s\n", solver_names[solver], sphpa_result_message(a.result));
         return;
     }
     finding f = judge(p, &a.out, c->opt.tol, NULL, 0.0);
-    printf("%-12s alpha %.17g  P %.17g  residual %.3g  evaluations %d%s%s\n",
+    printf("%-17s alpha %.17g  P %.17g  residual %.3g  evaluations %d%s%s\n",
            solver_names[solver], a.out.alpha, a.out.P, a.out.residual, a.out.evaluations,
            a.out.fell_back ? "  fell back" : "",
            a.result == SPHPA_ERROR_NOT_CONVERGED ? "  NOT CONVERGED" : "");
-    printf("%-12s %s: error %.3Lg, allowed %.3Lg, backward error %.3Lg roundings; P off %.3Lg, "
+    printf("%-17s %s: error %.3Lg, allowed %.3Lg, backward error %.3Lg roundings; P off %.3Lg, "
            "allowed %.3Lg\n",
            "", verdicts[f.verdict], f.error, f.reach, f.backward, f.P_error, f.P_allowed);
 }
@@ -545,12 +582,12 @@ static void replay_run(const replay *r) {
     ref_problem p = ref_make(&c.mat, &c.curve, s.rho, s.u, s.alpha_old);
     long double root = ref_largest(&p);
     ref_point there = ref_at(&p, root - 1.0L);
-    printf("reference    alpha %.21Lg  P %.21Lg  cond %.3Lg  dP/dalpha %.3Lg\n", root, there.P,
+    printf("reference         alpha %.21Lg  P %.21Lg  cond %.3Lg  dP/dalpha %.3Lg\n", root, there.P,
            ref_cond_of(&p, &there, there.slope), there.D);
-    printf("             bracket 1 to %.21Lg, P rises all over it: %s; F(1) %.3Lg, F(top) %.3Lg\n",
+    printf("%-17s bracket 1 to %.21Lg, P rises all over it: %s; F(1) %.3Lg, F(top) %.3Lg\n", "",
            p.cap, ref_rises(&p, 0.0L, p.x_cap) ? "yes" : "not shown", ref_F(&p, 1.0L),
            ref_F(&p, p.cap));
-    for (int k = 0; k < BATCH; k++)
+    for (int k = 0; k < SOLVERS; k++)
         if (r->solver == 0 || r->solver == k + 1) replay_answer(k, &c, &s, &p);
 }
 
@@ -601,8 +638,8 @@ static void read_command_line(int argc, char **argv, settings *set) {
         example_number("tensile-limit", "Pa", &r->tensile_limit, 0.0, big, "cut-off; 0: none"),
         example_number("eta-cut", "1", &r->eta_cut, 0.0, big, "cut-off; 0: none"),
         example_number("tol", "1", &r->tol, 0.0, 1.0, "of alpha"),
-        example_choice("solver", "all|bisection|newton|safe-newton|crush-space", &r->solver,
-                       "which to ask"),
+        example_choice("solver", "all|bisection|newton|safe-newton|crush-space|crush-space-batch",
+                       &r->solver, "which to ask"),
     };
     example_parse(argc, argv, "the P-alpha solvers and Tillotson under stress, against long double",
                   SPHPA_VERSION, options, (int)(sizeof options / sizeof options[0]));
@@ -649,12 +686,11 @@ int main(int argc, char **argv) {
     set.one.n1 = 12.0;
     set.one.n2 = 3.0;
     set.one.tol = 1e-12;
-    set.one.state[0] = (double)NAN;
     argc = join_state(argc, argv, joined, sizeof joined);
     read_command_line(argc, argv, &set);
     (void)example_threads(set.threads);
     if (set.quick) set.states = 1000000;
-    if (set.one.state[0] == set.one.state[0]) {
+    if (set.one.state[2] > 0.0) { /* alpha_old: --state was given */
         replay_run(&set.one);
         return 0;
     }

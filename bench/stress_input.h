@@ -36,7 +36,8 @@ static const char *input_spoil_curve(sphpa_rng *rng, sphpa_crush *k) {
     double *all[8] = {&k->alpha0, &k->Pe, &k->Ps, &k->Pt, &k->alpha_t, &k->n1, &k->n2, &k->alpha_e};
     bool two = k->kind == SPHPA_CRUSH_TWO_EXPONENT;
     if (sphpa_rng_below(rng, 4) == 0) {
-        *all[sphpa_rng_below(rng, two ? 8 : 3)] = input_not_finite(rng);
+        uint32_t field = sphpa_rng_below(rng, two ? 8 : 3); /* drawn first on every compiler */
+        *all[field] = input_not_finite(rng);
         return "a value of the curve that is not finite";
     }
     switch (sphpa_rng_below(rng, two ? 8 : 4)) {
@@ -52,15 +53,20 @@ static const char *input_spoil_curve(sphpa_rng *rng, sphpa_crush *k) {
 }
 
 static const char *input_spoil_material(sphpa_rng *rng, sphpa_tillotson *m) {
-    double *positive[3] = {&m->rho0, &m->A, &m->E0};
+    static const char *const names[10] = {"rho0", "A", "B", "E0", "u_iv",
+                                          "u_cv", "a", "b", "alpha", "beta"};
     double *any[10] = {&m->rho0, &m->A, &m->B, &m->E0, &m->u_iv,
                        &m->u_cv, &m->a, &m->b, &m->alpha, &m->beta};
+    static const int positive[3] = {0, 1, 3};
+    uint32_t field = sphpa_rng_below(rng, 10);
     switch (sphpa_rng_below(rng, 3)) {
-    case 0: *positive[sphpa_rng_below(rng, 3)] *= -(double)sphpa_rng_below(rng, 2);
+    case 0:
+        *any[positive[field % 3]] *= -(double)sphpa_rng_below(rng, 2);
         return "rho0, A or E0 <= 0";
     case 1: m->u_cv = m->u_iv * (sphpa_rng_below(rng, 2) ? 1.0 : 0.5); return "u_cv <= u_iv";
-    default: *any[sphpa_rng_below(rng, 10)] = (double)NAN; return "a NaN in the material";
+    default: *any[field] = (double)NAN;
     }
+    return names[field];
 }
 
 static const char *input_spoil_options(sphpa_rng *rng, input_call *call) {
@@ -126,8 +132,8 @@ static uint64_t input_run(uint64_t seed, long n) {
         bool refused = input_refused(&call, &good);
         if (state_only && !input_neighbours_kept(&call, &good)) kept++;
         if (refused) continue;
-        if (accepted++ >= 3) continue;
-        printf("  accepted: %s, solver %d:\n    ", what, call.solver);
+        if (accepted++ >= 2) continue;
+        printf("  accepted: %s spoiled, solver %d; before that\n    ", what, call.solver);
         stress_print_replay(stdout, &call.c, &call.s, "crush-space");
     }
     printf("bad input: %ld tries, %llu accepted, %llu hurt a neighbour in the batch\n", n,
