@@ -3450,13 +3450,15 @@ typedef enum sphpa_crush_way_ {
     SPHPA_CRUSH_ANY_     /* anything */
 } sphpa_crush_way_;
 
-/* A curve boiled down for evaluation. With t = (Ps - P)/R and q = (Pt - P)/Rt both published forms
-   are alpha = 1 + k1 q^n1 + k2 t^n2; the quadratic one has k1 = 0, n2 = 2. */
+/* A curve boiled down for evaluation, alpha = 1 + k1 q^n1 + k2 t^n2 with t = (Ps - P)/R and q =
+   (Pt - P)/Rt (0 above Pt); the quadratic curve is k1 = 0, n2 = 2. A place on it is s, which is t
+   where k1 = 0, else q, negative above Pt: so none of the two terms loses digits however near Pt is
+   to Pe. t = t0 + c s; P = P0 - Rt s for s > 0 and P0 - R c s else. */
 typedef struct sphpa_crush_shape_ {
-    double alpha0, top;      /* distention at rest, and where the curve begins (at Pe) */
-    double Pe, Pt, Ps, end;  /* end: alpha = 1 from here on (Pt where k2 = 0) */
-    double R, inv_R;         /* Ps - Pe */
-    double t_of_Pt, stretch; /* q = (t - t_of_Pt) stretch */
+    double alpha0, top;     /* distention at rest, and where the curve begins (at Pe) */
+    double Pe, Pt, Ps, end; /* end: alpha = 1 from here on (Pt where k2 = 0) */
+    double R, inv_R, Rt;    /* Ps - Pe, Pt - Pe */
+    double t0, c, P0, s_end; /* s_end: all closed; Pe is at s = 1 */
     double k1, k2, n1, n2, inv_n1, inv_n2;
     int m1, m2; /* n1 - 1, n2 - 1 where these are small whole numbers, else -1 */
     sphpa_crush_way_ way;
@@ -3636,8 +3638,6 @@ SPHPA_PRIVATE_ void sphpa_crush_shape_powers_(const sphpa_crush *curve, sphpa_cr
     double alpha_e = sphpa_crush_alpha_e_(curve), rise = shape->top - 1.0;
     double grow = curve->rescale != 0 && alpha_e > 1.0 ? rise / (alpha_e - 1.0) : 1.0;
     shape->Pt = curve->Pt;
-    shape->t_of_Pt = (curve->Ps - curve->Pt) * shape->inv_R;
-    if (curve->Pt > curve->Pe) shape->stretch = shape->R / (curve->Pt - curve->Pe);
     shape->n1 = curve->n1;
     shape->n2 = curve->n2;
     shape->m1 = sphpa_crush_whole_(shape->n1);
@@ -3647,6 +3647,13 @@ SPHPA_PRIVATE_ void sphpa_crush_shape_powers_(const sphpa_crush *curve, sphpa_cr
     shape->k2 = sphpa_min_(grow * (curve->alpha_t - 1.0), rise);
     shape->k1 = curve->Pt > curve->Pe ? rise - shape->k2 : 0.0;
     if (!(shape->k2 > 0.0)) shape->end = curve->Pt;
+    if (shape->k1 > 0.0) {
+        shape->Rt = curve->Pt - curve->Pe;
+        shape->t0 = (curve->Ps - curve->Pt) * shape->inv_R;
+        shape->c = sphpa_max_(shape->Rt * shape->inv_R, 1e-25); /* below it t does not move */
+        shape->P0 = curve->Pt;
+        shape->s_end = -shape->t0 / shape->c;
+    }
     if (shape->k1 > 0.0 || shape->m2 != 1)
         shape->way = shape->m1 >= 0 && shape->m2 >= 0 ? SPHPA_CRUSH_POWERS_ : SPHPA_CRUSH_ANY_;
 }
@@ -3663,7 +3670,10 @@ SPHPA_FORCE_INLINE_ void sphpa_crush_shape_of_(const sphpa_crush *curve,
     shape->Ps = shape->end = curve->Ps;
     shape->R = curve->Ps - curve->Pe;
     shape->inv_R = 1.0 / shape->R;
-    shape->t_of_Pt = shape->stretch = 1.0;
+    shape->Rt = shape->R;
+    shape->P0 = shape->Ps;
+    shape->t0 = shape->s_end = 0.0;
+    shape->c = 1.0;
     shape->k1 = 0.0;
     shape->k2 = shape->top - 1.0;
     shape->n2 = 2.0;
@@ -3709,10 +3719,10 @@ SPHPA_FORCE_INLINE_ double sphpa_crush_curve_(const sphpa_crush_shape_ *shape, s
     sphpa_crush_power_ second = sphpa_crush_power_of_(t, shape->n2, shape->m2, whole);
     double alpha = shape->k2 * second.value, fall = shape->k2 * second.d1;
     if (P < shape->Pt && shape->k1 > 0.0) {
-        double q = (shape->Pt - P) * (shape->stretch * shape->inv_R);
+        double q = (shape->Pt - P) / shape->Rt;
         sphpa_crush_power_ first = sphpa_crush_power_of_(q, shape->n1, shape->m1, whole);
         alpha += shape->k1 * first.value;
-        fall += shape->k1 * first.d1 * shape->stretch;
+        fall += shape->k1 * first.d1 * (shape->R / shape->Rt);
     }
     *slope = -fall * shape->inv_R;
     return sphpa_min_(1.0 + alpha, shape->top);
@@ -3726,12 +3736,13 @@ SPHPA_PRIVATE_ double sphpa_crush_line_slope_(const sphpa_crush_shape_ *shape, d
     return alpha * alpha / shape->K0 * (y * (2.0 + y)) / (hh * hh);
 }
 
-/* Phi = integral of dP/dalpha of eq. 5; +infinity at alpha = 1, which no line reaches */
-SPHPA_PRIVATE_ double sphpa_crush_phi_(const sphpa_crush_shape_ *shape, double alpha) {
-    double x = alpha - 1.0;
-    if (!(x > 0.0)) return HUGE_VAL;
-    return shape->la * log(x) + shape->lb * log(alpha) + shape->lc / alpha +
-           shape->ld * log(2.0 + shape->k * x);
+/* Phi(to) - Phi(from), Phi the integral of dP/dalpha of eq. 5, for from > 1. In one piece: Phi itself
+   is of the size of K0. +infinity at alpha = 1, which no line reaches. */
+SPHPA_PRIVATE_ double sphpa_crush_phi_(const sphpa_crush_shape_ *shape, double from, double to) {
+    double d = to - from, x = from - 1.0;
+    if (!(to > 1.0)) return HUGE_VAL;
+    return shape->la * log1p(d / x) + shape->lb * log1p(d / from) - shape->lc * d / (from * to) +
+           shape->ld * log1p(shape->k * d / (2.0 + shape->k * x));
 }
 
 /* dPhi/dalpha, and the second derivative */
@@ -3743,14 +3754,14 @@ SPHPA_PRIVATE_ double sphpa_crush_phi_slopes_(const sphpa_crush_shape_ *shape, d
     return shape->la * a + b * (shape->lb - shape->lc * b) + shape->ld * d;
 }
 
-/* the alpha in [low, high] with Phi(alpha) = phi: Newton in a bracket; Phi falls */
-SPHPA_PRIVATE_ double sphpa_crush_line_solve_(const sphpa_crush_shape_ *shape, double phi,
-                                              double low, double high) {
-    if (!(low > 1.0) || !(sphpa_crush_phi_(shape, low) > phi)) return low;
-    if (!(sphpa_crush_phi_(shape, high) < phi)) return high;
+/* the alpha in [low, high] with Phi(alpha) - Phi(from) = rise: Newton in a bracket; Phi falls */
+SPHPA_PRIVATE_ double sphpa_crush_line_solve_(const sphpa_crush_shape_ *shape, double from,
+                                              double rise, double low, double high) {
+    if (!(low > 1.0) || !(sphpa_crush_phi_(shape, from, low) > rise)) return low;
+    if (!(sphpa_crush_phi_(shape, from, high) < rise)) return high;
     double alpha = low;
     for (int k = 0; k < 100; k++) {
-        double miss = sphpa_crush_phi_(shape, alpha) - phi;
+        double miss = sphpa_crush_phi_(shape, from, alpha) - rise;
         if (miss > 0.0) low = alpha;
         else high = alpha;
         double next = alpha - miss * sphpa_crush_line_slope_(shape, alpha);
@@ -3763,44 +3774,54 @@ SPHPA_PRIVATE_ double sphpa_crush_line_solve_(const sphpa_crush_shape_ *shape, d
 
 /* ---- the curve as a path --------------------------------------------------------------------- */
 
-/* A place on the curve: P = Ps - R t, alpha(t) and its derivatives by t, t from 0 (all closed) to 1
-   (Pe). Of a caller's curve the second derivative is not known: 0. */
+/* alpha at a place s of the curve, and its derivatives by s. Of a caller's curve the second one is
+   not known: 0. */
 typedef struct sphpa_crush_place_ {
     double alpha, d1, d2;
 } sphpa_crush_place_;
 
+SPHPA_FORCE_INLINE_ double sphpa_crush_fall_(const sphpa_crush_shape_ *shape, sphpa_crush_way_ way,
+                                             double s) { /* -dP/ds */
+    return way == SPHPA_CRUSH_SQUARE_ ? shape->R : s > 0.0 ? shape->Rt : shape->R * shape->c;
+}
+
+SPHPA_FORCE_INLINE_ double sphpa_crush_P_(const sphpa_crush_shape_ *shape, sphpa_crush_way_ way,
+                                          double s) {
+    return shape->P0 - sphpa_crush_fall_(shape, way, s) * s;
+}
+
 SPHPA_NO_INLINE_ sphpa_crush_place_ sphpa_crush_at_user_(const sphpa_crush_shape_ *shape,
-                                                         double t) {
+                                                         double s) {
     sphpa_crush_place_ out;
     double slope;
-    out.alpha = sphpa_crush_curve_(shape, SPHPA_CRUSH_ANY_, shape->Ps - shape->R * t, &slope);
+    out.alpha = sphpa_crush_curve_(shape, SPHPA_CRUSH_ANY_, shape->Ps - shape->R * s, &slope);
     out.d1 = -shape->R * slope;
     out.d2 = 0.0;
     return out;
 }
 
 SPHPA_FORCE_INLINE_ sphpa_crush_place_ sphpa_crush_at_(const sphpa_crush_shape_ *shape,
-                                                       sphpa_crush_way_ way, double t) {
+                                                       sphpa_crush_way_ way, double s) {
     sphpa_crush_place_ out;
     if (way == SPHPA_CRUSH_SQUARE_) {
         out.d2 = 2.0 * shape->k2;
-        out.d1 = out.d2 * t;
-        out.alpha = 1.0 + shape->k2 * (t * t);
+        out.d1 = out.d2 * s;
+        out.alpha = 1.0 + shape->k2 * (s * s);
         return out;
     }
-    if (way == SPHPA_CRUSH_ANY_ && shape->function != NULL) return sphpa_crush_at_user_(shape, t);
+    if (way == SPHPA_CRUSH_ANY_ && shape->function != NULL) return sphpa_crush_at_user_(shape, s);
     bool whole = way == SPHPA_CRUSH_POWERS_;
-    sphpa_crush_power_ second = sphpa_crush_power_of_(t, shape->n2, shape->m2, whole);
+    double c = shape->c, t = shape->t0 + c * s, k1 = shape->k1;
+    sphpa_crush_power_ second =
+        sphpa_crush_power_of_(t > 0.0 ? t : 0.0, shape->n2, shape->m2, whole);
     out.alpha = shape->k2 * second.value;
-    out.d1 = shape->k2 * second.d1;
-    out.d2 = shape->k2 * second.d2;
-    if (t > shape->t_of_Pt && shape->k1 > 0.0) {
-        double stretch = shape->stretch, k1 = shape->k1;
-        sphpa_crush_power_ first =
-            sphpa_crush_power_of_((t - shape->t_of_Pt) * stretch, shape->n1, shape->m1, whole);
+    out.d1 = shape->k2 * c * second.d1;
+    out.d2 = shape->k2 * c * c * second.d2;
+    if (s > 0.0 && k1 > 0.0) {
+        sphpa_crush_power_ first = sphpa_crush_power_of_(s, shape->n1, shape->m1, whole);
         out.alpha += k1 * first.value;
-        out.d1 += k1 * stretch * first.d1;
-        out.d2 += k1 * stretch * stretch * first.d2;
+        out.d1 += k1 * first.d1;
+        out.d2 += k1 * first.d2;
     }
     out.alpha += 1.0;
     return out;
@@ -3821,21 +3842,20 @@ SPHPA_FORCE_INLINE_ double sphpa_crush_root_(double x, double inv_n) {
     return sphpa_exp2_whole_(j) * (1.0 + f * (0.6931 + 0.2402 * f));
 }
 
-/* A t near the root of D (alpha(t) - 1) + R t = M, where a line of slope D >= 0 through the (alpha,
-   P) plane meets the curve; D = 1, R = 0 is the inverse of the curve. Exact for the quadratic curve
-   (written without cancellation), else the least of three upper bounds, each term alone being M. */
+/* An s near where a line of slope D >= 0 through the (alpha, P) plane meets the curve, D (alpha - 1)
+   + Ps - P = M; D = 1 and M = alpha - 1 with R = 0 for R is the inverse of the curve. Exact for the
+   quadratic curve (written without cancellation), else the least of three upper bounds, each term
+   alone being M. */
 SPHPA_FORCE_INLINE_ double sphpa_crush_meet_(const sphpa_crush_shape_ *shape, sphpa_crush_way_ way,
                                              double D, double R, double M) {
-    if (!(M > 0.0)) return 0.0;
+    if (!(M > 0.0)) return shape->s_end;
     double k1 = D * shape->k1, k2 = D * shape->k2;
     if (way == SPHPA_CRUSH_SQUARE_)
         return sphpa_min_(1.0, 2.0 * M / (R + sqrt(R * R + 4.0 * k2 * M)));
-    double t = R > M ? M / R : 1.0;
+    double t = R > M ? M / R : 1.0, s = 1.0;
     if (k2 > M) t = sphpa_min_(t, sphpa_crush_root_(M / k2, shape->inv_n2));
-    if (k1 > M)
-        t = sphpa_min_(t, shape->t_of_Pt + (1.0 - shape->t_of_Pt) *
-                                               sphpa_crush_root_(M / k1, shape->inv_n1));
-    return t;
+    if (k1 > M) s = sphpa_crush_root_(M / k1, shape->inv_n1);
+    return sphpa_min_(s, (t - shape->t0) / shape->c);
 }
 
 /* The step towards H = 0 where H rises, of third order: Halley's, or where the parabola bends so much
@@ -3848,22 +3868,22 @@ SPHPA_FORCE_INLINE_ double sphpa_crush_halley_(double H, double H1, double H2) {
     return -2.0 * H * H1 / bottom;
 }
 
-/* the least t with alpha(t) = alpha, for alpha in [1, top]: Halley in a bracket; a caller's curve may
-   be a staircase: halves */
+/* the least s with this alpha, in [1, top]: Halley in a bracket; a caller's curve may be a staircase:
+   halves */
 SPHPA_PRIVATE_ double sphpa_crush_invert_(const sphpa_crush_shape_ *shape, double alpha) {
     bool halve = shape->function != NULL, square = shape->way == SPHPA_CRUSH_SQUARE_;
-    double low = 0.0, high = 1.0, t = 0.5;
+    double low = shape->s_end, high = 1.0, s = 0.5;
     if (square) return sphpa_crush_meet_(shape, SPHPA_CRUSH_SQUARE_, 1.0, 0.0, alpha - 1.0);
-    if (!halve) t = sphpa_crush_meet_(shape, SPHPA_CRUSH_POWERS_, 1.0, 0.0, alpha - 1.0);
+    if (!halve) s = sphpa_crush_meet_(shape, SPHPA_CRUSH_POWERS_, 1.0, 0.0, alpha - 1.0);
     for (int k = 0; k < 100; k++) {
-        sphpa_crush_place_ place = sphpa_crush_at_(shape, SPHPA_CRUSH_ANY_, t);
-        if (place.alpha >= alpha) high = t;
-        else low = t;
-        double next = t + sphpa_crush_halley_(place.alpha - alpha, place.d1, place.d2);
-        if (fabs(next - t) <= DBL_EPSILON * t && !halve) return next;
+        sphpa_crush_place_ place = sphpa_crush_at_(shape, SPHPA_CRUSH_ANY_, s);
+        if (place.alpha >= alpha) high = s;
+        else low = s;
+        double next = s + sphpa_crush_halley_(place.alpha - alpha, place.d1, place.d2);
+        if (fabs(next - s) <= DBL_EPSILON * fabs(s) && !halve) return next;
         if (!(next > low && next < high) || halve || k > 40) next = 0.5 * (low + high);
         if (!(next > low && next < high)) break;
-        t = next;
+        s = next;
     }
     return high;
 }
@@ -3872,26 +3892,25 @@ SPHPA_PRIVATE_ double sphpa_crush_invert_(const sphpa_crush_shape_ *shape, doubl
 SPHPA_PRIVATE_ double sphpa_crush_yield_(const sphpa_crush_shape_ *shape, double alpha) {
     if (alpha >= shape->top) return shape->Pe;
     if (alpha <= 1.0) return shape->end;
-    return shape->Ps - shape->R * sphpa_crush_invert_(shape, alpha);
+    return sphpa_crush_P_(shape, SPHPA_CRUSH_ANY_, sphpa_crush_invert_(shape, alpha));
 }
 
 /* The line of alpha_old: its upper end (Py, alpha_y) on the curve, its foot at P = 0. */
 typedef struct sphpa_crush_line_ {
-    double alpha_y, Py, phi_y, rest;
+    double alpha_y, Py, rest;
 } sphpa_crush_line_;
 
 SPHPA_PRIVATE_ sphpa_crush_line_ sphpa_crush_line_of_(const sphpa_crush_shape_ *shape,
                                                       double alpha_old) {
     sphpa_crush_line_ line;
     line.alpha_y = line.rest = alpha_old;
-    line.Py = line.phi_y = 0.0;
+    line.Py = 0.0;
     if (!shape->herrmann || shape->dense || !(alpha_old > 1.0)) return line;
     line.alpha_y = sphpa_min_(alpha_old, shape->top);
     line.Py = sphpa_crush_yield_(shape, line.alpha_y);
-    line.phi_y = sphpa_crush_phi_(shape, line.alpha_y);
     line.rest = alpha_old >= shape->top
                     ? shape->alpha0
-                    : sphpa_crush_line_solve_(shape, line.phi_y - line.Py, line.alpha_y,
+                    : sphpa_crush_line_solve_(shape, line.alpha_y, -line.Py, line.alpha_y,
                                               shape->alpha0);
     return line;
 }
@@ -3905,9 +3924,8 @@ SPHPA_DEF double sphpa_crush_alpha(const sphpa_crush *curve, double P, double *d
         sphpa_crush_shape_of_(curve, &shape);
         alpha = sphpa_crush_curve_(&shape, shape.way, P, &slope);
         if (shape.herrmann && P < shape.Pe) {
-            double phi = sphpa_crush_phi_(&shape, shape.alpha0) + P;
-            alpha = P > 0.0 ? sphpa_crush_line_solve_(&shape, phi, shape.top, shape.alpha0)
-                            : shape.alpha0;
+            alpha = shape.alpha0;
+            if (P > 0.0) alpha = sphpa_crush_line_solve_(&shape, alpha, P, shape.top, alpha);
             slope = P >= 0.0 ? sphpa_crush_line_slope_(&shape, alpha) : 0.0;
         }
     }
@@ -3953,9 +3971,9 @@ SPHPA_DEF sphpa_result sphpa_crush_prepare(sphpa_crush *curve, double rho0, doub
     ready.alpha_y = curve->alpha0;
     sphpa_crush_shape_ shape;
     sphpa_crush_shape_of_(&ready, &shape);
-    double phi = sphpa_crush_phi_(&shape, ready.alpha0) + ready.Pe;
-    ready.alpha_y = sphpa_crush_line_solve_(&shape, phi, 1.0 + 1e-9 * (ready.alpha0 - 1.0),
-                                            ready.alpha0);
+    ready.alpha_y =
+        sphpa_crush_line_solve_(&shape, ready.alpha0, ready.Pe,
+                                1.0 + 1e-9 * (ready.alpha0 - 1.0), ready.alpha0);
     if (curve->kind == SPHPA_CRUSH_TWO_EXPONENT && curve->rescale == 0 &&
         ready.alpha_y < curve->alpha_t)
         return sphpa_error_set(err, SPHPA_ERROR_CURVE,
@@ -4012,10 +4030,11 @@ typedef struct sphpa_palpha_task_ {
     const sphpa_crush_shape_ *shape;
     const void *material;
     double rho, u, tol;
-    double alpha_y, Py, phi_y; /* alpha_old on the curve; HERRMANN: the upper end of its line */
-    double s_y, cap;           /* s_y: its t (HERRMANN); cap: top of the bracket, F(cap) >= 0 */
+    double alpha_y, Py; /* alpha_old on the curve; HERRMANN: the upper end of its line */
+    double cap;         /* top of the bracket: F(cap) >= 0 */
     int max_iterations, evaluations, iterations, fell_back;
     double kink, floor2; /* alpha where the matrix is at rho0; floor of its c^2 */
+    bool on_line;  /* HERRMANN: the path is the elastic line, not the curve */
     double rising; /* known: rho_s dPeos/drho_s >= Peos for every alpha from here up */
     sphpa_result result;
 } sphpa_palpha_task_;
@@ -4029,8 +4048,8 @@ typedef struct sphpa_palpha_point_ {
 SPHPA_NO_INLINE_ double sphpa_palpha_target_line_(const sphpa_palpha_task_ *task, double P,
                                                   double *slope) {
     if (P <= 0.0) return task->cap;
-    double phi = task->phi_y - task->Py + P;
-    double alpha = sphpa_crush_line_solve_(task->shape, phi, task->alpha_y, task->cap);
+    double alpha = sphpa_crush_line_solve_(task->shape, task->alpha_y, P - task->Py, task->alpha_y,
+                                           task->cap);
     *slope = sphpa_crush_line_slope_(task->shape, alpha);
     return alpha;
 }
@@ -4155,8 +4174,8 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_safe_newton_(sphpa_palpha_eval_ eval, sphp
 
 /* ---- the crush-space solver ------------------------------------------------------------------ */
 
-/* A place s on the path that (alpha, P) may take: for s <= s_y the curve, s being its t, beyond it
-   Herrmann's line up to P = 0, alpha - alpha_y being s - s_y. P falls and alpha rises with s. */
+/* A place s on the path that (alpha, P) may take: the curve, or Herrmann's line from its upper end
+   down to P = 0, s = alpha - alpha_y. P falls and alpha rises with s. */
 typedef struct sphpa_palpha_place_ {
     double s, alpha, alpha1, alpha2; /* 1, 2: derivatives by s */
     double P, P1, P2;
@@ -4166,10 +4185,10 @@ SPHPA_NO_INLINE_ sphpa_palpha_place_ sphpa_palpha_path_line_(const sphpa_palpha_
                                                              double s) {
     sphpa_palpha_place_ out;
     out.s = s;
-    out.alpha = task->alpha_y + (s - task->s_y);
+    out.alpha = task->alpha_y + s;
     out.alpha1 = 1.0;
     out.alpha2 = 0.0;
-    out.P = task->Py + (sphpa_crush_phi_(task->shape, out.alpha) - task->phi_y);
+    out.P = task->Py + sphpa_crush_phi_(task->shape, task->alpha_y, out.alpha);
     out.P1 = sphpa_crush_phi_slopes_(task->shape, out.alpha, &out.P2);
     return out;
 }
@@ -4177,16 +4196,15 @@ SPHPA_NO_INLINE_ sphpa_palpha_place_ sphpa_palpha_path_line_(const sphpa_palpha_
 SPHPA_FORCE_INLINE_ sphpa_palpha_place_ sphpa_palpha_path_(const sphpa_palpha_task_ *task,
                                                            sphpa_crush_way_ way, double s) {
     const sphpa_crush_shape_ *shape = task->shape;
-    if (way == SPHPA_CRUSH_ANY_ && shape->herrmann && s > task->s_y)
-        return sphpa_palpha_path_line_(task, s);
+    if (way == SPHPA_CRUSH_ANY_ && task->on_line) return sphpa_palpha_path_line_(task, s);
     sphpa_crush_place_ place = sphpa_crush_at_(shape, way, s);
     sphpa_palpha_place_ out;
     out.s = s;
     out.alpha = place.alpha;
     out.alpha1 = place.d1;
     out.alpha2 = place.d2;
-    out.P = shape->Ps - shape->R * s;
-    out.P1 = -shape->R;
+    out.P1 = -sphpa_crush_fall_(shape, way, s);
+    out.P = shape->P0 + out.P1 * s;
     out.P2 = 0.0;
     return out;
 }
@@ -4238,18 +4256,19 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_guess_(const sphpa_palpha_task_ *task,
                                                const sphpa_palpha_parabola_ *matrix) {
     const sphpa_crush_shape_ *shape = task->shape;
     bool closed = way != SPHPA_CRUSH_ANY_ || shape->function == NULL;
-    if (way == SPHPA_CRUSH_ANY_ && shape->herrmann) return task->s_y;
-    double D = (matrix->Y1 - P) / matrix->alpha, s = (shape->Ps - P) * shape->inv_R;
+    double D = (matrix->Y1 - P) / matrix->alpha, end = shape->s_end, s;
     if (closed && D > 0.0) {
         double M = D * (matrix->alpha - 1.0) + (shape->Ps - P);
         s = sphpa_crush_meet_(shape, way, D, shape->R, M);
+    } else {
+        s = ((shape->Ps - P) * shape->inv_R - shape->t0) / shape->c;
     }
-    if (!(s > 0.0)) return 0.0;
+    if (!(s > end)) return end;
     for (int k = 0; k < (way == SPHPA_CRUSH_SQUARE_ ? 1 : 3); k++) {
         sphpa_palpha_place_ at = sphpa_palpha_path_(task, way, s);
         double ds = sphpa_palpha_step_of_(matrix, &at).ds;
-        if (!(fabs(ds) < 1.0)) break;
-        s = sphpa_clamp_(s + ds, 0.0, 1.0);
+        if (!(fabs(ds) < 1.0 - end)) break;
+        s = sphpa_clamp_(s + ds, end, 1.0);
     }
     return s;
 }
@@ -4258,16 +4277,17 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_guess_(const sphpa_palpha_task_ *task,
    the path's or the matrix's, whichever a last error in alpha moves less. */
 SPHPA_FORCE_INLINE_ void sphpa_palpha_settle_(const sphpa_palpha_task_ *task, sphpa_crush_way_ way,
                                               const sphpa_palpha_parabola_ *matrix,
-                                              const sphpa_palpha_place_ *to,
+                                              const sphpa_palpha_place_ *to, bool closed,
                                               sphpa_palpha_point_ *point) {
-    double alpha = sphpa_min_(to->alpha, task->cap), d = alpha - point->alpha;
+    double alpha = sphpa_clamp_(to->alpha, 1.0, task->cap), d = alpha - point->alpha;
     double Y = matrix->Y + d * (matrix->Y1 + 0.5 * d * matrix->Y2), P = Y / alpha;
+    bool stiff = fabs(to->alpha1 * (matrix->Y1 - P)) > -to->P1 * alpha;
     point->matrix.P = Y;
     point->matrix.d1 += d * task->rho * point->matrix.d2;
     point->matrix.dP_du += d * task->rho * point->matrix.d2u;
     point->alpha = alpha;
     point->F = alpha - sphpa_palpha_target_(task, way, P, &point->slope);
-    point->P = fabs(to->alpha1 * (matrix->Y1 - P)) > -to->P1 * alpha ? to->P : P;
+    point->P = stiff && !closed ? to->P : P;
 }
 
 /* Is there nothing left to gain where the last step moved alpha by `move`, the one before by `last`?
@@ -4288,7 +4308,8 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_meets_(const sphpa_palpha_task_ *task, sph
         20.0 * bend * bend * fabs(move) <= small * step->H1 * step->H1)
         return true; /* Halley's own error */
     sphpa_palpha_step_ more = sphpa_palpha_step_of_(matrix, to);
-    if (!(fabs(more.ds * to->alpha1) <= 1e-3 * fabs(move)) || to->s + more.ds < 0.0) return false;
+    if (!(fabs(more.ds * to->alpha1) <= 1e-3 * fabs(move))) return false;
+    if (!(to->s + more.ds >= task->shape->s_end)) return false;
     *to = sphpa_palpha_path_(task, way, to->s + more.ds);
     return true;
 }
@@ -4298,20 +4319,38 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_smooth_(const sphpa_palpha_task_ *task, do
     return (a < task->kink) == (b < task->kink);
 }
 
-/* Steps along the path between lo and hi, H(lo) <= 0 < H(hi), from s; *point has been evaluated near
-   by. A step that leaves the bracket is tried with the tangent, then the middle is taken; after
-   twelve steps every other one halves. */
+/* A first step from a bracket's known end, or what was found there; see below. */
+typedef struct sphpa_palpha_bracket_ {
+    double lo, hi;             /* H(lo) <= 0 < H(hi) */
+    double alpha_lo, alpha_hi; /* there */
+    bool lo_known;             /* else lo is where all pores are closed, and was not evaluated */
+} sphpa_palpha_bracket_;
+
+/* `to`: where the step leads, if it stays inside */
+SPHPA_FORCE_INLINE_ double sphpa_palpha_next_(const sphpa_palpha_bracket_ *in, int k, double s,
+                                              const sphpa_palpha_step_ *step, bool *inside) {
+    double next = s + step->ds;
+    *inside = next > in->lo && next < in->hi && k < 12;
+    if (*inside) return next;
+    if (!(next > in->lo && next < in->hi)) next = s - step->H / step->H1;
+    if (next <= in->lo && !in->lo_known) return in->lo;
+    if (!(next > in->lo && next < in->hi) || k % 2 == 0) return 0.5 * (in->lo + in->hi);
+    return next;
+}
+
+/* Steps along the path inside the bracket, from s; *point has been evaluated near by. A step that
+   leaves the bracket is tried with the tangent, then the middle is taken; after twelve steps every
+   other one halves. */
 SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_crush_way_ way,
-                                                sphpa_palpha_task_ *task, double lo, double hi,
-                                                double s, sphpa_palpha_point_ *point,
+                                                sphpa_palpha_task_ *task,
+                                                sphpa_palpha_bracket_ in, double s,
+                                                sphpa_palpha_point_ *point,
                                                 sphpa_palpha_parabola_ matrix) {
-    bool lo_known = lo > 0.0;
-    double alpha_lo = 1.0, alpha_hi = task->cap, noise = DBL_EPSILON * task->shape->Ps;
+    double noise = DBL_EPSILON * task->shape->Ps;
     sphpa_palpha_place_ at = sphpa_palpha_path_(task, way, s), to;
     double last = at.alpha - point->alpha;
-    bool smooth = sphpa_palpha_smooth_(task, point->alpha, at.alpha);
-    bool third = (way != SPHPA_CRUSH_ANY_ ||
-                  (task->shape->function == NULL && !task->shape->herrmann)) &&
+    bool smooth = sphpa_palpha_smooth_(task, point->alpha, at.alpha), closed = false, inside;
+    bool third = (way != SPHPA_CRUSH_ANY_ || task->shape->function == NULL) &&
                  sphpa_finite_(point->matrix.d2);
     for (int k = 0;; k++) {
         task->iterations++;
@@ -4319,44 +4358,41 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
         matrix = sphpa_palpha_parabola_of_(task, point, &matrix);
         sphpa_palpha_step_ step = sphpa_palpha_step_of_(&matrix, &at);
         double small = sphpa_palpha_small_(task, at.alpha);
-        if (step.H > 0.0) {
-            hi = at.s;
-            alpha_hi = at.alpha;
-        } else {
-            lo = at.s;
-            alpha_lo = at.alpha;
-            lo_known = true;
-        }
         to = at;
-        if (fabs(step.H) <= noise * at.alpha || !(hi > 0.0) || alpha_hi - alpha_lo <= small) break;
-        double next = at.s + step.ds;
-        bool inside = next > lo && next < hi;
-        to = sphpa_palpha_path_(task, way, next);
-        if (third && fabs(step.ds) <= 1e-7) /* exact where alpha moves by less than s can say */
-            to.alpha = at.alpha + step.ds * (at.alpha1 + 0.5 * step.ds * at.alpha2);
-        double move = to.alpha - at.alpha;
-        if (fabs(step.ds) <= 2.0 * DBL_EPSILON * at.s) break;
-        if (fabs(move) <= small && next >= 0.0 && fabs(step.ds) < 1.0) break;
+        if (step.H > 0.0) {
+            in.hi = at.s;
+            in.alpha_hi = at.alpha;
+            closed = !(at.s > in.lo);
+        } else {
+            in.lo = at.s;
+            in.alpha_lo = at.alpha;
+            in.lo_known = true;
+        }
+        if (closed || fabs(step.H) <= noise * at.alpha || in.alpha_hi - in.alpha_lo <= small) break;
+        double move = step.ds * (at.alpha1 + 0.5 * step.ds * at.alpha2);
+        if (fabs(step.ds) <= 2.0 * DBL_EPSILON * fabs(at.s) ||
+            (third && fabs(step.ds) <= 1e-7 && fabs(move) <= small &&
+             (at.s > 0.0) == (at.s + step.ds > 0.0))) { /* less than s can say */
+            to.alpha += move;
+            break;
+        }
+        to = sphpa_palpha_path_(task, way, sphpa_palpha_next_(&in, k, at.s, &step, &inside));
+        move = to.alpha - at.alpha;
+        if (inside && fabs(move) <= small) break;
         smooth = smooth && inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
         if (third && smooth && sphpa_palpha_last_(move, last, small) &&
             sphpa_palpha_meets_(task, way, &matrix, &step, move, small, &to))
             break;
+        smooth = inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
         task->fell_back = k >= 12;
         if (k == 100) {
             task->result = SPHPA_ERROR_NOT_CONVERGED;
             break;
         }
-        if (!inside || k >= 12) {
-            if (!inside) next = at.s - step.H / step.H1;
-            if (next <= 0.0 && !lo_known) next = 0.0;
-            else if (!(next > lo && next < hi) || k % 2 == 0) next = 0.5 * (lo + hi);
-            to = sphpa_palpha_path_(task, way, next);
-            smooth = inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
-        } else smooth = sphpa_palpha_smooth_(task, at.alpha, to.alpha);
-        last = to.alpha - at.alpha;
+        last = move;
         at = to;
     }
-    sphpa_palpha_settle_(task, way, &matrix, &to, point);
+    sphpa_palpha_settle_(task, way, &matrix, &to, closed, point);
 }
 
 /* ---- where F may have several zeros ---------------------------------------------------------- */
@@ -4415,77 +4451,74 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_knot_at_(sphpa_palpha_eval_ eval, sphpa_pa
 
 /* the place on the path with this alpha */
 SPHPA_PRIVATE_ double sphpa_palpha_where_(const sphpa_palpha_task_ *task, double alpha) {
-    if (task->shape->herrmann && alpha > task->alpha_y) return task->s_y + (alpha - task->alpha_y);
+    if (task->on_line) return alpha - task->alpha_y;
     return alpha >= task->shape->top ? 1.0 : sphpa_crush_invert_(task->shape, alpha);
 }
 
-/* The first places to look at between 0 and top, from 0 up: quarters, and the path's kinks. */
-enum { SPHPA_PALPHA_PLACES_ = 6, SPHPA_PALPHA_SCAN_ = 26 };
+/* The first places to look at between lo and top, from lo up: quarters of each smooth piece. */
+enum { SPHPA_PALPHA_PLACES_ = 8, SPHPA_PALPHA_SCAN_ = 26 };
 
-SPHPA_PRIVATE_ int sphpa_palpha_places_(const sphpa_palpha_task_ *task, double top,
+SPHPA_PRIVATE_ int sphpa_palpha_places_(const sphpa_palpha_task_ *task, double lo, double top,
                                         sphpa_palpha_knot_ *pile) {
-    const double kinks[2] = {task->shape->t_of_Pt, task->shape->herrmann ? task->s_y : 0.0};
-    int count = 4;
-    for (int k = 0; k < 4; k++) pile[k].at.s = 0.25 * k * top;
-    for (int j = 0; j < 2; j++) {
-        int k = count;
-        if (!(kinks[j] > 0.0 && kinks[j] < top)) continue;
-        for (; pile[k - 1].at.s > kinks[j]; k--) pile[k].at.s = pile[k - 1].at.s;
-        pile[k].at.s = kinks[j];
-        count++;
-    }
+    bool knee = !task->on_line && task->shape->k1 > 0.0 && lo < 0.0 && top > 0.0;
+    double first = knee ? 0.0 : top;
+    int count = 0;
+    for (int k = 0; k < 4; k++) pile[count++].at.s = lo + 0.25 * k * (first - lo);
+    for (int k = 0; k < 4 && knee; k++) pile[count++].at.s = 0.25 * k * top;
     for (int k = 0; k < count; k++) pile[k].at.alpha = 0.0; /* not evaluated yet */
     return count;
 }
 
-/* what is known between two knots; on a kink the slopes are those of the side that looks upwards */
+/* what is known between two knots; at the knee the slopes are those of the side that looks upwards */
 SPHPA_PRIVATE_ sphpa_palpha_span_ sphpa_palpha_between_(const sphpa_palpha_task_ *task,
                                                         const sphpa_palpha_knot_ *below,
                                                         const sphpa_palpha_knot_ *above,
                                                         bool third) {
     double s = below->at.s;
     sphpa_palpha_step_ up = below->step;
-    if (s == task->shape->t_of_Pt || (task->shape->herrmann && s == task->s_y)) {
-        sphpa_palpha_place_ at =
-            sphpa_palpha_path_(task, SPHPA_CRUSH_ANY_, s * (1.0 + 2.0 * DBL_EPSILON));
+    if (!(s > 0.0 || s < 0.0) && !task->on_line) {
+        sphpa_palpha_place_ at = sphpa_palpha_path_(task, SPHPA_CRUSH_ANY_, DBL_MIN);
         up = sphpa_palpha_step_of_(&below->matrix, &at);
     }
     return sphpa_palpha_span_of_(&up, &above->step, above->at.s - s, third);
 }
 
-/* H(below) <= 0 < H(above): the bracket, and where to go on in it: Halley from the nearer end */
+/* H(below) <= 0 < H(above): the bracket, and *s where to go on in it: Halley from the nearer end */
 SPHPA_PRIVATE_ bool sphpa_palpha_found_(const sphpa_palpha_knot_ *below,
-                                        const sphpa_palpha_knot_ *above, double *lo, double *hi,
-                                        double *s, sphpa_palpha_point_ *point) {
+                                        const sphpa_palpha_knot_ *above,
+                                        sphpa_palpha_bracket_ *in, double *s,
+                                        sphpa_palpha_point_ *point) {
     const sphpa_palpha_knot_ *near = -below->step.H < above->step.H ? below : above;
-    *lo = below->at.s;
-    *hi = above->at.s;
+    in->lo = below->at.s;
+    in->hi = above->at.s;
+    in->alpha_lo = below->at.alpha;
+    in->alpha_hi = above->at.alpha;
+    in->lo_known = true;
     *s = near->at.s + near->step.ds;
-    if (!(*s > *lo && *s < *hi)) *s = 0.5 * (*lo + *hi);
+    if (!(*s > in->lo && *s < in->hi)) *s = 0.5 * (in->lo + in->hi);
     point->alpha = near->at.alpha;
     return true;
 }
 
-/* Narrows [*lo, *hi] to the highest zero of H: down the path from *hi, where H > 0 (*from is there),
-   through knots that split it so often that the polynomials between them leave no doubt of where H
-   is positive. Of a pair of zeros one may be missed where H is so nearly 0 between them that 26
-   evaluations do not tell. *s: where to go on. False: an evaluation failed, or alpha is 1. */
+/* Narrows the bracket to the highest zero of H: down the path from `above`, where H > 0, through
+   knots that split it so often that the polynomials between them leave no doubt of where H is
+   positive. Of a pair of zeros one may be missed where H is so nearly 0 between them that 26
+   evaluations do not tell. False: an evaluation failed, or H > 0 down to the lower end. */
 SPHPA_FORCE_INLINE_ bool sphpa_palpha_scan_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
-                                            const sphpa_palpha_parabola_ *from, double *lo,
-                                            double *hi, double *s, sphpa_palpha_point_ *point) {
-    sphpa_palpha_knot_ pile[SPHPA_PALPHA_PLACES_ + SPHPA_PALPHA_SCAN_], above;
+                                            sphpa_palpha_knot_ above, sphpa_palpha_bracket_ *in,
+                                            double *s, sphpa_palpha_point_ *point) {
+    sphpa_palpha_knot_ pile[SPHPA_PALPHA_PLACES_ + SPHPA_PALPHA_SCAN_];
     bool third = task->shape->function == NULL && sphpa_finite_(point->matrix.d2);
-    int depth;
-    above.at = sphpa_palpha_path_(task, SPHPA_CRUSH_ANY_, *hi);
-    above.step = sphpa_palpha_step_of_(from, &above.at);
-    if (task->rising < task->cap) { /* above it there is one zero at most */
-        double rising = sphpa_palpha_where_(task, task->rising);
-        if (!sphpa_palpha_knot_at_(eval, task, rising, point, &pile[0])) return false;
-        if (pile[0].step.H <= 0.0) return sphpa_palpha_found_(&pile[0], &above, lo, hi, s, point);
+    double top;
+    if (task->rising < above.at.alpha) { /* above it there is one zero at most */
+        double rising = sphpa_palpha_where_(task, sphpa_max_(task->rising, in->alpha_lo));
+        if (!sphpa_palpha_knot_at_(eval, task, sphpa_max_(rising, in->lo), point, &pile[0]))
+            return false;
+        if (pile[0].step.H <= 0.0) return sphpa_palpha_found_(&pile[0], &above, in, s, point);
         above = pile[0];
-        *hi = rising;
     }
-    for (depth = sphpa_palpha_places_(task, *hi, pile); depth > 0;) {
+    top = above.at.s;
+    for (int depth = sphpa_palpha_places_(task, in->lo, top, pile); depth > 0;) {
         sphpa_palpha_knot_ *below = &pile[depth - 1];
         if (!(below->at.alpha > 0.0) &&
             !sphpa_palpha_knot_at_(eval, task, below->at.s, point, below))
@@ -4495,36 +4528,77 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_scan_(sphpa_palpha_eval_ eval, sphpa_palph
         bool zero = below->step.H <= 0.0, enough = task->evaluations >= SPHPA_PALPHA_SCAN_;
         bool clear = span.lowest > 3.0 * span.doubt;
         if (zero) clear = !span.falls && span.doubt <= 0.02 * (above.step.H - below->step.H);
-        if (!clear && !enough && h > 1e-9 * *hi) { /* look between them */
+        if (!clear && !enough && h > 1e-9 * (top - in->lo)) { /* look between them */
             if (span.at > 0.0 && span.at < 1.0) x = span.at;
             if (!sphpa_palpha_knot_at_(eval, task, below->at.s + x * h, point, &pile[depth]))
                 return false;
             depth++;
             continue;
         }
-        if (zero) return sphpa_palpha_found_(below, &above, lo, hi, s, point);
+        if (zero) return sphpa_palpha_found_(below, &above, in, s, point);
         above = *below;
         depth--;
     }
-    (void)sphpa_palpha_at_(eval, SPHPA_CRUSH_ANY_, task, 1.0, point);
+    return false;
+}
+
+/* HERRMANN, F(alpha_old at rest) > 0: is the root on the elastic line? Its lower end tells, where P
+   rises with alpha; else the line is searched first. False: go on with the curve, or it failed. */
+SPHPA_NO_INLINE_ bool sphpa_palpha_line_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
+                                         sphpa_palpha_bracket_ *in, double *s,
+                                         sphpa_palpha_point_ *point) {
+    sphpa_palpha_knot_ foot, end;
+    task->on_line = true;
+    foot.at = sphpa_palpha_path_(task, SPHPA_CRUSH_ANY_, task->cap - task->alpha_y);
+    foot.matrix = sphpa_palpha_parabola_of_(task, point, NULL);
+    foot.step = sphpa_palpha_step_of_(&foot.matrix, &foot.at);
+    in->lo = 0.0;
+    in->alpha_lo = task->alpha_y;
+    if (task->rising > task->alpha_y) {
+        if (sphpa_palpha_scan_(eval, task, foot, in, s, point)) return true;
+    } else if (sphpa_palpha_knot_at_(eval, task, 0.0, point, &end) && end.step.H <= 0.0) {
+        return sphpa_palpha_found_(&end, &foot, in, s, point);
+    }
+    task->on_line = false;
     return false;
 }
 
 SPHPA_FORCE_INLINE_ void sphpa_palpha_crush_space_(sphpa_palpha_eval_ eval, sphpa_crush_way_ way,
                                                    sphpa_palpha_task_ *task,
                                                    sphpa_palpha_point_ *point) {
-    double lo = 0.0, hi = 1.0, s;
-    if (way == SPHPA_CRUSH_ANY_ && task->shape->herrmann)
-        hi = task->s_y + (task->cap - task->alpha_y);
+    sphpa_palpha_bracket_ in;
+    sphpa_palpha_knot_ top;
+    double s;
     if (!sphpa_palpha_at_(eval, way, task, task->cap, point) || point->F <= 0.0) return;
+    if (way == SPHPA_CRUSH_ANY_ && task->shape->herrmann) {
+        bool found = sphpa_palpha_line_(eval, task, &in, &s, point);
+        if (task->result != SPHPA_OK) return;
+        if (found) {
+            sphpa_palpha_parabola_ none = sphpa_palpha_parabola_of_(task, point, NULL);
+            sphpa_palpha_close_in_(eval, way, task, in, s, point, none);
+            return;
+        }
+        if (!sphpa_palpha_at_(eval, way, task, task->alpha_y, point)) return;
+    }
     sphpa_palpha_parabola_ matrix = sphpa_palpha_parabola_of_(task, point, NULL);
+    in.lo = task->shape->s_end;
+    in.hi = 1.0;
+    in.alpha_lo = 1.0;
+    in.alpha_hi = task->alpha_y;
+    in.lo_known = false;
     if (task->rising > 1.0) {
-        hi = sphpa_palpha_where_(task, task->cap);
-        if (!sphpa_palpha_scan_(eval, task, &matrix, &lo, &hi, &s, point)) return;
+        top.at = sphpa_palpha_path_(task, SPHPA_CRUSH_ANY_, sphpa_palpha_where_(task, task->alpha_y));
+        top.matrix = matrix;
+        top.step = sphpa_palpha_step_of_(&matrix, &top.at);
+        if (!sphpa_palpha_scan_(eval, task, top, &in, &s, point)) {
+            if (task->result == SPHPA_OK)
+                (void)sphpa_palpha_at_(eval, SPHPA_CRUSH_ANY_, task, 1.0, point);
+            return;
+        }
     } else {
         s = sphpa_palpha_guess_(task, way, point->P, &matrix);
     }
-    sphpa_palpha_close_in_(eval, way, task, lo, hi, s, point, matrix);
+    sphpa_palpha_close_in_(eval, way, task, in, s, point, matrix);
 }
 
 /* ---- calls ----------------------------------------------------------------------------------- */
@@ -4563,11 +4637,16 @@ SPHPA_PRIVATE_ double sphpa_palpha_rising_any_(const sphpa_eos *eos) {
     return HUGE_VAL;
 }
 
+/* the same ranges as sphpa_tillotson_check, without the words: NaN fails each */
 SPHPA_PRIVATE_ bool sphpa_palpha_material_ok_(const sphpa_tillotson *mat) {
+    const double big = DBL_MAX;
     return mat->rho0 > 0.0 && mat->A > 0.0 && mat->E0 > 0.0 && mat->u_iv >= 0.0 &&
            mat->u_cv > mat->u_iv && mat->a >= 0.0 && mat->b >= 0.0 && mat->alpha >= 0.0 &&
            mat->beta >= 0.0 && mat->c2_floor >= 0.0 && mat->tensile_limit >= 0.0 &&
-           mat->eta_cut >= 0.0;
+           mat->eta_cut >= 0.0 && fabs(mat->B) <= big && mat->c2_floor <= 1.0 &&
+           mat->eta_cut <= 1.0 && mat->rho0 <= big && mat->A <= big && mat->E0 <= big &&
+           mat->u_cv <= big && mat->a <= big && mat->b <= big && mat->alpha <= big &&
+           mat->beta <= big && mat->tensile_limit <= big;
 }
 
 /* what a call brings besides states; shape and options once a batch */
@@ -4622,13 +4701,12 @@ SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_begin_(const sphpa_palpha_call_ *c
     task->max_iterations = call->max_iterations;
     task->alpha_y = task->cap = sphpa_clamp_(alpha_old, 1.0, alpha0);
     task->kink = HUGE_VAL;
-    task->floor2 = task->s_y = 0.0;
+    task->floor2 = 0.0;
+    task->on_line = false;
     if (call->shape.herrmann) {
         sphpa_crush_line_ line = sphpa_crush_line_of_(&call->shape, task->alpha_y);
         task->alpha_y = line.alpha_y;
         task->Py = line.Py;
-        task->phi_y = line.phi_y;
-        task->s_y = (call->shape.Ps - line.Py) * call->shape.inv_R;
         task->cap = line.rest;
     }
     return SPHPA_OK;

@@ -59,7 +59,7 @@ BENCH_INLINE bench_point bench_at(bench_problem *problem, double alpha) {
     double inv_alpha = 1.0 / alpha;
     point.alpha = alpha;
     point.P = P * inv_alpha;
-    double on_curve = sphpa_crush_curve_(&problem->shape, point.P, &slope);
+    double on_curve = sphpa_crush_curve_(&problem->shape, problem->shape.way, point.P, &slope);
     bool crushes = on_curve < problem->alpha_old;
     point.F = alpha - (crushes ? on_curve : problem->alpha_old);
     point.dF = 1.0 - (crushes ? slope : 0.0) * (problem->rho * dP_drho - point.P) * inv_alpha;
@@ -251,7 +251,7 @@ BENCH_INLINE bench_problem bench_open(const bench_set *set, double tol) {
     memset(&problem, 0, sizeof problem);
     problem.matrix = set->matrix;
     problem.curve = set->curve;
-    problem.shape = sphpa_crush_shape_of_(set->curve);
+    sphpa_crush_shape_of_(set->curve, &problem.shape);
     problem.tol = tol;
     return problem;
 }
