@@ -3465,9 +3465,8 @@ typedef struct sphpa_crush_shape_ {
     bool herrmann, dense;          /* dense: alpha0 = 1 */
     sphpa_crush_function function; /* NULL unless USER */
     const void *user;
-    double scale;          /* USER: amplitude of the caller's curve */
-    double K0, k;          /* HERRMANN: rho0 c_s^2, and hh = 1 + k (alpha - 1) */
-    double la, lb, lc, ld; /* HERRMANN: the four terms of Phi */
+    double scale; /* USER: amplitude of the caller's curve */
+    double K0, k; /* HERRMANN: rho0 c_s^2, and hh = 1 + k (alpha - 1) */
 } sphpa_crush_shape_;
 
 SPHPA_DEF sphpa_crush sphpa_crush_quadratic(double alpha0, double Pe, double Ps) {
@@ -3620,18 +3619,10 @@ SPHPA_FORCE_INLINE_ int sphpa_crush_whole_(double n) {
     return n >= 1.0 && n <= 64.0 && n - floor(n) <= 0.0 ? (int)n - 1 : -1;
 }
 
-/* The partial fractions behind Phi: with x = alpha - 1,
-   1/f = K0/k (1 + k x)^2 / ((1 + x)^2 x (2 + k x))
-       = K0/k (1/2 / x + b/(1 + x) + c/(1 + x)^2 + d/(2 + k x)). */
 SPHPA_PRIVATE_ void sphpa_crush_shape_line_(const sphpa_crush *curve, sphpa_crush_shape_ *shape) {
     double c_s = curve->c_s, c_e = curve->c_e > 0.0 ? curve->c_e : 0.5 * c_s;
-    double k = (c_e - c_s) / (c_s * (curve->alpha0 - 1.0)), ratio = k / (k - 2.0);
-    shape->k = k;
+    shape->k = (c_e - c_s) / (c_s * (curve->alpha0 - 1.0));
     shape->K0 = curve->K0;
-    shape->la = 0.5 * curve->K0 / k;
-    shape->lb = (0.5 * ratio * ratio - 0.5) * curve->K0 / k;
-    shape->lc = (1.0 - k) * (1.0 - k) / (2.0 - k) * curve->K0 / k;
-    shape->ld = -0.5 * ratio * ratio * curve->K0 / k;
 }
 
 SPHPA_PRIVATE_ void sphpa_crush_shape_powers_(const sphpa_crush *curve, sphpa_crush_shape_ *shape) {
@@ -3736,22 +3727,27 @@ SPHPA_PRIVATE_ double sphpa_crush_line_slope_(const sphpa_crush_shape_ *shape, d
     return alpha * alpha / shape->K0 * (y * (2.0 + y)) / (hh * hh);
 }
 
-/* Phi(to) - Phi(from), Phi the integral of dP/dalpha of eq. 5, for from > 1. In one piece: Phi itself
-   is of the size of K0. +infinity at alpha = 1, which no line reaches. */
+/* Phi(to) - Phi(from), Phi the integral of dP/dalpha of eq. 5, for from > 1; with x = alpha - 1
+     dP/dalpha = K0/alpha^2 [1 + (1/x - k/(2 + k x))/(2 k)].
+   In one piece, term by term, for Phi itself is of the size of K0/k. +infinity at alpha = 1, which no
+   line reaches. */
 SPHPA_PRIVATE_ double sphpa_crush_phi_(const sphpa_crush_shape_ *shape, double from, double to) {
-    double d = to - from, x = from - 1.0;
+    double d = to - from, x = from - 1.0, k = shape->k, c = 2.0 - k;
     if (!(to > 1.0)) return HUGE_VAL;
-    return shape->la * log1p(d / x) + shape->lb * log1p(d / from) - shape->lc * d / (from * to) +
-           shape->ld * log1p(shape->k * d / (2.0 + shape->k * x));
+    double over = d / (from * to); /* of 1/alpha^2 */
+    double logs = log1p(k * d / (2.0 + k * x)) - log1p(d / from);
+    double one = log1p(d / (x * to)) - over;                /* of 1/(x alpha^2) */
+    double two = k / c * over + (k / c) * (k / c) * logs;   /* of k/((2 + k x) alpha^2) */
+    return shape->K0 * (over + (one - two) / (2.0 * k));
 }
 
 /* dPhi/dalpha, and the second derivative */
 SPHPA_PRIVATE_ double sphpa_crush_phi_slopes_(const sphpa_crush_shape_ *shape, double alpha,
                                               double *second) {
-    double a = 1.0 / (alpha - 1.0), b = 1.0 / alpha;
-    double d = shape->k / (2.0 + shape->k * (alpha - 1.0));
-    *second = -shape->la * a * a - b * b * (shape->lb - 2.0 * shape->lc * b) - shape->ld * d * d;
-    return shape->la * a + b * (shape->lb - shape->lc * b) + shape->ld * d;
+    double x = alpha - 1.0, k = shape->k, y = k * x;
+    double first = 1.0 / sphpa_crush_line_slope_(shape, alpha);
+    *second = first * (2.0 * k / (1.0 + y) - 2.0 / alpha - 1.0 / x - k / (2.0 + y));
+    return first;
 }
 
 /* the alpha in [low, high] with Phi(alpha) - Phi(from) = rise: Newton in a bracket; Phi falls */
@@ -4274,10 +4270,11 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_guess_(const sphpa_palpha_task_ *task,
 }
 
 /* The answer is at `to` on the path, a small step from *point: everything along the parabola. P is
-   the path's or the matrix's, whichever a last error in alpha moves less. */
+   the path's or the matrix's, whichever a last error in alpha moves less; the matrix's where the two
+   have not met: at alpha 1, or in a bracket narrower than the tolerance. */
 SPHPA_FORCE_INLINE_ void sphpa_palpha_settle_(const sphpa_palpha_task_ *task, sphpa_crush_way_ way,
                                               const sphpa_palpha_parabola_ *matrix,
-                                              const sphpa_palpha_place_ *to, bool closed,
+                                              const sphpa_palpha_place_ *to, bool met,
                                               sphpa_palpha_point_ *point) {
     double alpha = sphpa_clamp_(to->alpha, 1.0, task->cap), d = alpha - point->alpha;
     double Y = matrix->Y + d * (matrix->Y1 + 0.5 * d * matrix->Y2), P = Y / alpha;
@@ -4287,30 +4284,37 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_settle_(const sphpa_palpha_task_ *task, sp
     point->matrix.dP_du += d * task->rho * point->matrix.d2u;
     point->alpha = alpha;
     point->F = alpha - sphpa_palpha_target_(task, way, P, &point->slope);
-    point->P = stiff && !closed ? to->P : P;
+    point->P = stiff && met ? to->P : P;
 }
 
-/* Is there nothing left to gain where the last step moved alpha by `move`, the one before by `last`?
-   The parabola's error grows with the third power of a move, and these two show how fast. */
-SPHPA_FORCE_INLINE_ bool sphpa_palpha_last_(double move, double last, double small) {
-    double size = fabs(move), before = fabs(last);
-    return 300.0 * (size * size) * (size * size) <= small * (before * before * before);
+/* Is there nothing left to gain where the last step moves alpha by `move`, the one before moved it by
+   `last`? The parabola's error is d3 move^3/6, with the third derivative d3 that its second one has
+   shown between the two; and what `last` left over shows how fast it grows with the move. */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_last_(double Y2_change, const sphpa_palpha_step_ *step,
+                                            double alpha1, double move, double last,
+                                            double small) {
+    double size = fabs(move), before = fabs(last), cube = size * size * size;
+    return (100.0 * size * cube <= small * (before * before * before)) &
+           (10.0 * fabs(Y2_change) * cube * alpha1 <= small * step->H1 * before);
 }
 
-/* Where the parabola at hand meets the path: *to, where Halley's step has led, or a second one from
-   there, which has to be a thousand times shorter. */
+/* Where the parabola at hand meets the path: *to, where Halley's step from `at` has led if his own
+   error is small, or a second one from there, which has to be a thousand times shorter. */
 SPHPA_FORCE_INLINE_ bool sphpa_palpha_meets_(const sphpa_palpha_task_ *task, sphpa_crush_way_ way,
                                              const sphpa_palpha_parabola_ *matrix,
-                                             const sphpa_palpha_step_ *step, double move,
+                                             const sphpa_palpha_step_ *step,
+                                             const sphpa_palpha_place_ *at, double move,
                                              double small, sphpa_palpha_place_ *to) {
-    double bend = step->H2 * step->ds;
-    if (way == SPHPA_CRUSH_SQUARE_ &&
-        20.0 * bend * bend * fabs(move) <= small * step->H1 * step->H1)
-        return true; /* Halley's own error */
+    if (way == SPHPA_CRUSH_SQUARE_) { /* (H2 ds/(2 H1))^2 + H3 ds^2/(6 H1), by move */
+        double bend = step->H2 * step->ds, square = step->H1 * step->H1;
+        double third = at->alpha2 * (fabs(at->alpha1 * matrix->Y2) - at->P1) * step->ds * step->ds;
+        if (20.0 * (bend * bend + third * step->H1) * fabs(move) <= small * square) return true;
+    }
     sphpa_palpha_step_ more = sphpa_palpha_step_of_(matrix, to);
-    if (!(fabs(more.ds * to->alpha1) <= 1e-3 * fabs(move))) return false;
-    if (!(to->s + more.ds >= task->shape->s_end)) return false;
-    *to = sphpa_palpha_path_(task, way, to->s + more.ds);
+    sphpa_palpha_place_ there = sphpa_palpha_path_(task, way, to->s + more.ds);
+    if (!(fabs(there.alpha - to->alpha) <= 1e-3 * fabs(move))) return false;
+    if (!(there.s >= task->shape->s_end)) return false;
+    *to = there;
     return true;
 }
 
@@ -4349,29 +4353,30 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
     double noise = DBL_EPSILON * task->shape->Ps;
     sphpa_palpha_place_ at = sphpa_palpha_path_(task, way, s), to;
     double last = at.alpha - point->alpha;
-    bool smooth = sphpa_palpha_smooth_(task, point->alpha, at.alpha), closed = false, inside;
-    bool third = (way != SPHPA_CRUSH_ANY_ || task->shape->function == NULL) &&
-                 sphpa_finite_(point->matrix.d2);
+    bool smooth = sphpa_palpha_smooth_(task, point->alpha, at.alpha), inside, met = true;
+    bool third = way != SPHPA_CRUSH_ANY_ && sphpa_finite_(point->matrix.d2);
     for (int k = 0;; k++) {
         task->iterations++;
         if (!sphpa_palpha_matrix_at_(eval, task, at.alpha, point)) return;
+        double before = matrix.Y2;
         matrix = sphpa_palpha_parabola_of_(task, point, &matrix);
         sphpa_palpha_step_ step = sphpa_palpha_step_of_(&matrix, &at);
         double small = sphpa_palpha_small_(task, at.alpha);
         to = at;
         if (step.H > 0.0) {
             in.hi = at.s;
-            in.alpha_hi = at.alpha;
-            closed = !(at.s > in.lo);
+            in.alpha_hi = sphpa_min_(in.alpha_hi, at.alpha);
         } else {
             in.lo = at.s;
             in.alpha_lo = at.alpha;
             in.lo_known = true;
         }
-        if (closed || fabs(step.H) <= noise * at.alpha || in.alpha_hi - in.alpha_lo <= small) break;
+        if (fabs(step.H) <= noise * at.alpha) break;
+        met = (step.H < 0.0 || at.s > in.lo) && in.alpha_hi - in.alpha_lo > small;
+        if (!met) break;
         double move = step.ds * (at.alpha1 + 0.5 * step.ds * at.alpha2);
         if (fabs(step.ds) <= 2.0 * DBL_EPSILON * fabs(at.s) ||
-            (third && fabs(step.ds) <= 1e-7 && fabs(move) <= small &&
+            (way != SPHPA_CRUSH_ANY_ && fabs(step.ds) <= 1e-7 && fabs(move) <= small &&
              (at.s > 0.0) == (at.s + step.ds > 0.0))) { /* less than s can say */
             to.alpha += move;
             break;
@@ -4380,8 +4385,9 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
         move = to.alpha - at.alpha;
         if (inside && fabs(move) <= small) break;
         smooth = smooth && inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
-        if (third && smooth && sphpa_palpha_last_(move, last, small) &&
-            sphpa_palpha_meets_(task, way, &matrix, &step, move, small, &to))
+        if (third && smooth &&
+            sphpa_palpha_last_(matrix.Y2 - before, &step, at.alpha1, move, last, small) &&
+            sphpa_palpha_meets_(task, way, &matrix, &step, &at, move, small, &to))
             break;
         smooth = inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
         task->fell_back = k >= 12;
@@ -4392,7 +4398,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
         last = move;
         at = to;
     }
-    sphpa_palpha_settle_(task, way, &matrix, &to, closed, point);
+    sphpa_palpha_settle_(task, way, &matrix, &to, met, point);
 }
 
 /* ---- where F may have several zeros ---------------------------------------------------------- */

@@ -149,20 +149,25 @@ static inline long double ref_curve(const ref_problem *p, long double P, long do
 /* the P at which the curve is at x; its lowest where x = x_top or more. Newton in a bracket by
    t = (Ps - P)/(Ps - Pe), in which the curve rises. */
 static inline long double ref_yield(const ref_problem *p, long double x) {
-    long double R = p->Ps - p->Pe, low = p->k2 > 0.0L ? 0.0L : (p->Ps - p->Pt) / R, high = 1.0L;
+    long double R = p->Ps - p->Pe, Rt = p->Pt - p->Pe, t0 = (p->Ps - p->Pt) / R;
     if (x >= p->x_top) return p->Pe;
-    if (x <= 0.0L) return p->Ps - R * low;
-    long double t = p->k1 > 0.0L ? 0.5L : powl(x / p->k2, 1.0L / p->n2), slope;
-    for (int k = 0; k < 200 && p->k1 > 0.0L; k++) {
-        long double miss = ref_curve(p, p->Ps - R * t, &slope) - x;
-        if (miss > 0.0L) high = t;
-        else low = t;
-        long double next = t + miss / (slope * R);
-        if (!(next > low && next < high) || k > 40) next = 0.5L * (low + high);
-        if (!(next > low && next < high) || fabsl(next - t) <= 2.0L * LDBL_EPSILON * t) break;
-        t = next;
+    if (x <= 0.0L) return p->k2 > 0.0L ? p->Ps : p->Pt;
+    long double knee = p->k2 * powl(t0, p->n2); /* x at Pt */
+    if (!(p->k1 > 0.0L) || x <= knee) return p->Ps - R * powl(x / p->k2, 1.0L / p->n2);
+    long double low = 0.0L, high = 1.0L, q = 0.5L; /* in q, which does not care how small Rt is */
+    for (int k = 0; k < 200; k++) {
+        long double t = t0 + q * (Rt / R);
+        long double miss = p->k1 * powl(q, p->n1) + p->k2 * powl(t, p->n2) - x;
+        long double slope = p->k1 * p->n1 * powl(q, p->n1 - 1.0L) +
+                            p->k2 * p->n2 * powl(t, p->n2 - 1.0L) * (Rt / R);
+        if (miss > 0.0L) high = q;
+        else low = q;
+        long double next = q - miss / slope;
+        if (!(next > low && next < high) || k > 60) next = 0.5L * (low + high);
+        if (!(next > low && next < high) || fabsl(next - q) <= 2.0L * LDBL_EPSILON * q) break;
+        q = next;
     }
-    return p->Ps - R * t;
+    return p->Pt - Rt * q;
 }
 
 /* HERRMANN: P at x less P at `from` on one elastic line, the integral of
