@@ -3459,6 +3459,7 @@ typedef struct sphpa_crush_shape_ {
     double Pe, Pt, Ps, end; /* end: alpha = 1 from here on (Pt where k2 = 0) */
     double R, inv_R, Rt;    /* Ps - Pe, Pt - Pe */
     double t0, c, P0, s_end; /* s_end: all closed; Pe is at s = 1 */
+    double alpha_knee;       /* at Pt */
     double k1, k2, n1, n2, inv_n1, inv_n2;
     int m1, m2; /* n1 - 1, n2 - 1 where these are small whole numbers, else -1 */
     sphpa_crush_way_ way;
@@ -3644,6 +3645,8 @@ SPHPA_PRIVATE_ void sphpa_crush_shape_powers_(const sphpa_crush *curve, sphpa_cr
         shape->c = sphpa_max_(shape->Rt * shape->inv_R, 1e-25); /* below it t does not move */
         shape->P0 = curve->Pt;
         shape->s_end = -shape->t0 / shape->c;
+        shape->alpha_knee =
+            1.0 + shape->k2 * sphpa_crush_power_of_(shape->t0, shape->n2, shape->m2, false).value;
     }
     if (shape->k1 > 0.0 || shape->m2 != 1)
         shape->way = shape->m1 >= 0 && shape->m2 >= 0 ? SPHPA_CRUSH_POWERS_ : SPHPA_CRUSH_ANY_;
@@ -3664,7 +3667,7 @@ SPHPA_FORCE_INLINE_ void sphpa_crush_shape_of_(const sphpa_crush *curve,
     shape->Rt = shape->R;
     shape->P0 = shape->Ps;
     shape->t0 = shape->s_end = 0.0;
-    shape->c = 1.0;
+    shape->c = shape->alpha_knee = 1.0;
     shape->k1 = 0.0;
     shape->k2 = shape->top - 1.0;
     shape->n2 = 2.0;
@@ -3838,20 +3841,37 @@ SPHPA_FORCE_INLINE_ double sphpa_crush_root_(double x, double inv_n) {
     return sphpa_exp2_whole_(j) * (1.0 + f * (0.6931 + 0.2402 * f));
 }
 
-/* An s near where a line of slope D >= 0 through the (alpha, P) plane meets the curve, D (alpha - 1)
-   + Ps - P = M; D = 1 and M = alpha - 1 with R = 0 for R is the inverse of the curve. Exact for the
-   quadratic curve (written without cancellation), else the least of three upper bounds, each term
-   alone being M. */
+/* An s near where the line of slope D >= 0 through (alpha, P) meets the curve. D times what alpha is
+   above the curve and what P is above it add up to 0: with M1 = D (alpha - alpha(Pt)) + Pt - P it is
+     D k1 q^n1 + .. + Rt q = M1 below Pt, if M1 > 0, else D k2 t^n2 + R t = M above,
+   exact for the quadratic curve (written without cancellation), else the least of the upper bounds
+   that each term alone gives. */
 SPHPA_FORCE_INLINE_ double sphpa_crush_meet_(const sphpa_crush_shape_ *shape, sphpa_crush_way_ way,
-                                             double D, double R, double M) {
-    if (!(M > 0.0)) return shape->s_end;
-    double k1 = D * shape->k1, k2 = D * shape->k2;
+                                             double D, double alpha, double P) {
+    double k1 = D * shape->k1, k2 = D * shape->k2, R = shape->R;
+    double M = D * (alpha - 1.0) + (shape->Ps - P);
     if (way == SPHPA_CRUSH_SQUARE_)
-        return sphpa_min_(1.0, 2.0 * M / (R + sqrt(R * R + 4.0 * k2 * M)));
-    double t = R > M ? M / R : 1.0, s = 1.0;
+        return M > 0.0 ? sphpa_min_(1.0, 2.0 * M / (R + sqrt(R * R + 4.0 * k2 * M))) : 0.0;
+    double M1 = D * (alpha - shape->alpha_knee) + (shape->Pt - P);
+    if (k1 > 0.0 && M1 > 0.0) {
+        double q = shape->Rt > M1 ? M1 / shape->Rt : 1.0;
+        return k1 > M1 ? sphpa_min_(q, sphpa_crush_root_(M1 / k1, shape->inv_n1)) : q;
+    }
+    if (!(M > 0.0)) return shape->s_end;
+    double t = R > M ? M / R : 1.0;
     if (k2 > M) t = sphpa_min_(t, sphpa_crush_root_(M / k2, shape->inv_n2));
-    if (k1 > M) s = sphpa_crush_root_(M / k1, shape->inv_n1);
-    return sphpa_min_(s, (t - shape->t0) / shape->c);
+    return (sphpa_min_(t, shape->k1 > 0.0 ? shape->t0 : 1.0) - shape->t0) / shape->c;
+}
+
+/* the inverse of a curve, about */
+SPHPA_FORCE_INLINE_ double sphpa_crush_place_of_(const sphpa_crush_shape_ *shape,
+                                                 sphpa_crush_way_ way, double alpha) {
+    double x = alpha - 1.0, over = alpha - shape->alpha_knee;
+    if (way == SPHPA_CRUSH_SQUARE_) return sphpa_min_(1.0, sqrt(x / shape->k2));
+    if (shape->k1 > 0.0 && over > 0.0)
+        return shape->k1 > over ? sphpa_crush_root_(over / shape->k1, shape->inv_n1) : 1.0;
+    double t = shape->k2 > x ? sphpa_crush_root_(x / shape->k2, shape->inv_n2) : 1.0;
+    return (sphpa_min_(t, shape->k1 > 0.0 ? shape->t0 : 1.0) - shape->t0) / shape->c;
 }
 
 /* The step towards H = 0 where H rises, of third order: Halley's, or where the parabola bends so much
@@ -3869,8 +3889,8 @@ SPHPA_FORCE_INLINE_ double sphpa_crush_halley_(double H, double H1, double H2) {
 SPHPA_PRIVATE_ double sphpa_crush_invert_(const sphpa_crush_shape_ *shape, double alpha) {
     bool halve = shape->function != NULL, square = shape->way == SPHPA_CRUSH_SQUARE_;
     double low = shape->s_end, high = 1.0, s = 0.5;
-    if (square) return sphpa_crush_meet_(shape, SPHPA_CRUSH_SQUARE_, 1.0, 0.0, alpha - 1.0);
-    if (!halve) s = sphpa_crush_meet_(shape, SPHPA_CRUSH_POWERS_, 1.0, 0.0, alpha - 1.0);
+    if (square) return sphpa_crush_place_of_(shape, SPHPA_CRUSH_SQUARE_, alpha);
+    if (!halve) s = sphpa_crush_place_of_(shape, SPHPA_CRUSH_POWERS_, alpha);
     for (int k = 0; k < 100; k++) {
         sphpa_crush_place_ place = sphpa_crush_at_(shape, SPHPA_CRUSH_ANY_, s);
         if (place.alpha >= alpha) high = s;
@@ -4254,8 +4274,7 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_guess_(const sphpa_palpha_task_ *task,
     bool closed = way != SPHPA_CRUSH_ANY_ || shape->function == NULL;
     double D = (matrix->Y1 - P) / matrix->alpha, end = shape->s_end, s;
     if (closed && D > 0.0) {
-        double M = D * (matrix->alpha - 1.0) + (shape->Ps - P);
-        s = sphpa_crush_meet_(shape, way, D, shape->R, M);
+        s = sphpa_crush_meet_(shape, way, D, matrix->alpha, P);
     } else {
         s = ((shape->Ps - P) * shape->inv_R - shape->t0) / shape->c;
     }
@@ -4338,8 +4357,15 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_next_(const sphpa_palpha_bracket_ *in, i
     if (*inside) return next;
     if (!(next > in->lo && next < in->hi)) next = s - step->H / step->H1;
     if (next <= in->lo && !in->lo_known) return in->lo;
-    if (!(next > in->lo && next < in->hi) || k % 2 == 0) return 0.5 * (in->lo + in->hi);
-    return next;
+    if (next > in->lo && next < in->hi && k % 2 != 0) return next;
+    return in->lo < 0.0 && in->hi > 0.0 ? 0.0 : 0.5 * (in->lo + in->hi); /* 0: the knee */
+}
+
+/* the rounding of alpha P: Ps - R t is no better than Ps, a line than its own P */
+SPHPA_FORCE_INLINE_ double sphpa_palpha_noise_(const sphpa_palpha_task_ *task, sphpa_crush_way_ way,
+                                               const sphpa_palpha_place_ *at) {
+    bool line = way == SPHPA_CRUSH_ANY_ && task->on_line;
+    return DBL_EPSILON * at->alpha * (line ? fabs(at->P) : task->shape->Ps);
 }
 
 /* Steps along the path inside the bracket, from s; *point has been evaluated near by. A step that
@@ -4350,7 +4376,6 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
                                                 sphpa_palpha_bracket_ in, double s,
                                                 sphpa_palpha_point_ *point,
                                                 sphpa_palpha_parabola_ matrix) {
-    double noise = DBL_EPSILON * task->shape->Ps;
     sphpa_palpha_place_ at = sphpa_palpha_path_(task, way, s), to;
     double last = at.alpha - point->alpha;
     bool smooth = sphpa_palpha_smooth_(task, point->alpha, at.alpha), inside, met = true;
@@ -4371,7 +4396,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
             in.alpha_lo = at.alpha;
             in.lo_known = true;
         }
-        if (fabs(step.H) <= noise * at.alpha) break;
+        if (fabs(step.H) <= sphpa_palpha_noise_(task, way, &at)) break;
         met = (step.H < 0.0 || at.s > in.lo) && in.alpha_hi - in.alpha_lo > small;
         if (!met) break;
         double move = step.ds * (at.alpha1 + 0.5 * step.ds * at.alpha2);
@@ -4383,7 +4408,9 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
         }
         to = sphpa_palpha_path_(task, way, sphpa_palpha_next_(&in, k, at.s, &step, &inside));
         move = to.alpha - at.alpha;
-        if (inside && fabs(move) <= small) break;
+        if (inside && fabs(move) <= small &&
+            (way != SPHPA_CRUSH_ANY_ || fabs(step.H * at.alpha1) <= small * step.H1))
+            break; /* an odd curve may bend so much that Halley hardly moves: Newton has to agree */
         smooth = smooth && inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
         if (third && smooth &&
             sphpa_palpha_last_(matrix.Y2 - before, &step, at.alpha1, move, last, small) &&
