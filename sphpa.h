@@ -3730,6 +3730,15 @@ SPHPA_PRIVATE_ double sphpa_crush_line_slope_(const sphpa_crush_shape_ *shape, d
     return alpha * alpha / shape->K0 * (y * (2.0 + y)) / (hh * hh);
 }
 
+/* log(1 + a) - b, for a > -1 and a - b = rest, to the last digits where a is small: log(1 + a) - a by
+   its series in a/(2 + a) */
+SPHPA_PRIVATE_ double sphpa_crush_log1p_less_(double a, double b, double rest) {
+    double r = a / (2.0 + a), r2 = r * r, sum = 0.0;
+    if (fabs(r) > 0.1) return log1p(a) - b;
+    for (int k = 17; k >= 3; k -= 2) sum = 1.0 / k + r2 * sum;
+    return rest + (2.0 * r * r2 * sum - a * r);
+}
+
 /* Phi(to) - Phi(from), Phi the integral of dP/dalpha of eq. 5, for from > 1; with x = alpha - 1
      dP/dalpha = K0/alpha^2 [1 + (1/x - k/(2 + k x))/(2 k)].
    In one piece, term by term, for Phi itself is of the size of K0/k. +infinity at alpha = 1, which no
@@ -3739,8 +3748,8 @@ SPHPA_PRIVATE_ double sphpa_crush_phi_(const sphpa_crush_shape_ *shape, double f
     if (!(to > 1.0)) return HUGE_VAL;
     double over = d / (from * to); /* of 1/alpha^2 */
     double logs = log1p(k * d / (2.0 + k * x)) - log1p(d / from);
-    double one = log1p(d / (x * to)) - over;                /* of 1/(x alpha^2) */
-    double two = k / c * over + (k / c) * (k / c) * logs;   /* of k/((2 + k x) alpha^2) */
+    double one = sphpa_crush_log1p_less_(d / (x * to), over, over / x); /* of 1/(x alpha^2) */
+    double two = k / c * over + (k / c) * (k / c) * logs; /* of k/((2 + k x) alpha^2) */
     return shape->K0 * (over + (one - two) / (2.0 * k));
 }
 
@@ -4313,8 +4322,9 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_last_(double Y2_change, const sphpa_palpha
                                             double alpha1, double move, double last,
                                             double small) {
     double size = fabs(move), before = fabs(last), cube = size * size * size;
+    double slope = step->H1 + step->H2 * step->ds; /* there, as alpha1 is */
     return (100.0 * size * cube <= small * (before * before * before)) &
-           (10.0 * fabs(Y2_change) * cube * alpha1 <= small * step->H1 * before);
+           (10.0 * fabs(Y2_change) * cube * alpha1 <= small * slope * before);
 }
 
 /* Where the parabola at hand meets the path: *to, where Halley's step from `at` has led if his own
@@ -4337,17 +4347,32 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_meets_(const sphpa_palpha_task_ *task, sph
     return true;
 }
 
-/* no kink of the matrix between two alphas */
-SPHPA_FORCE_INLINE_ bool sphpa_palpha_smooth_(const sphpa_palpha_task_ *task, double a, double b) {
-    return (a < task->kink) == (b < task->kink);
-}
-
-/* A first step from a bracket's known end, or what was found there; see below. */
+/* Where the root is. */
 typedef struct sphpa_palpha_bracket_ {
     double lo, hi;             /* H(lo) <= 0 < H(hi) */
     double alpha_lo, alpha_hi; /* there */
     bool lo_known;             /* else lo is where all pores are closed, and was not evaluated */
 } sphpa_palpha_bracket_;
+
+/* High powers bend so much that Halley alone stays behind: on to where the parabola meets the path,
+   inside the bracket. No evaluation is needed for that. */
+SPHPA_FORCE_INLINE_ void sphpa_palpha_polish_(const sphpa_palpha_task_ *task, sphpa_crush_way_ way,
+                                              const sphpa_palpha_parabola_ *matrix,
+                                              const sphpa_palpha_bracket_ *in,
+                                              sphpa_palpha_place_ *to) {
+    for (int k = 0; k < 8; k++) {
+        sphpa_palpha_step_ more = sphpa_palpha_step_of_(matrix, to);
+        double next = to->s + more.ds;
+        if (!(next > in->lo && next < in->hi)) return;
+        *to = sphpa_palpha_path_(task, way, next);
+        if (!(fabs(more.H2 * more.ds) > 0.25 * more.H1)) return;
+    }
+}
+
+/* no kink of the matrix between two alphas */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_smooth_(const sphpa_palpha_task_ *task, double a, double b) {
+    return (a < task->kink) == (b < task->kink);
+}
 
 /* `to`: where the step leads, if it stays inside */
 SPHPA_FORCE_INLINE_ double sphpa_palpha_next_(const sphpa_palpha_bracket_ *in, int k, double s,
@@ -4361,11 +4386,11 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_next_(const sphpa_palpha_bracket_ *in, i
     return in->lo < 0.0 && in->hi > 0.0 ? 0.0 : 0.5 * (in->lo + in->hi); /* 0: the knee */
 }
 
-/* the rounding of alpha P: Ps - R t is no better than Ps, a line than its own P */
+/* the rounding of alpha P: P0 - R c s is no better than P0, a line than its own P */
 SPHPA_FORCE_INLINE_ double sphpa_palpha_noise_(const sphpa_palpha_task_ *task, sphpa_crush_way_ way,
                                                const sphpa_palpha_place_ *at) {
     bool line = way == SPHPA_CRUSH_ANY_ && task->on_line;
-    return DBL_EPSILON * at->alpha * (line ? fabs(at->P) : task->shape->Ps);
+    return DBL_EPSILON * at->alpha * (line ? fabs(at->P) : task->shape->P0 - at->P1 * fabs(at->s));
 }
 
 /* Steps along the path inside the bracket, from s; *point has been evaluated near by. A step that
@@ -4407,13 +4432,15 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
             break;
         }
         to = sphpa_palpha_path_(task, way, sphpa_palpha_next_(&in, k, at.s, &step, &inside));
+        if (way != SPHPA_CRUSH_SQUARE_ && inside && fabs(step.H2 * step.ds) > 0.25 * step.H1)
+            sphpa_palpha_polish_(task, way, &matrix, &in, &to);
         move = to.alpha - at.alpha;
-        if (inside && fabs(move) <= small &&
+        if (inside && fabs(move) <= small && (at.s > 0.0) == (to.s > 0.0) &&
             (way != SPHPA_CRUSH_ANY_ || fabs(step.H * at.alpha1) <= small * step.H1))
             break; /* an odd curve may bend so much that Halley hardly moves: Newton has to agree */
         smooth = smooth && inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
         if (third && smooth &&
-            sphpa_palpha_last_(matrix.Y2 - before, &step, at.alpha1, move, last, small) &&
+            sphpa_palpha_last_(matrix.Y2 - before, &step, to.alpha1, move, last, small) &&
             sphpa_palpha_meets_(task, way, &matrix, &step, &at, move, small, &to))
             break;
         smooth = inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
