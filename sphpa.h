@@ -4424,8 +4424,10 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
         if (fabs(step.H) <= sphpa_palpha_noise_(task, way, &at)) break;
         met = (step.H < 0.0 || at.s > in.lo) && in.alpha_hi - in.alpha_lo > small;
         if (!met) break;
+        last = sphpa_min_(fabs(last), 0.5 * at.alpha); /* a longer one has seen more than one bend */
         double move = step.ds * (at.alpha1 + 0.5 * step.ds * at.alpha2);
         if (fabs(step.ds) <= 2.0 * DBL_EPSILON * fabs(at.s) ||
+            in.hi - in.lo <= 2.0 * DBL_EPSILON * fabs(at.s) ||
             (way != SPHPA_CRUSH_ANY_ && fabs(step.ds) <= 1e-7 && fabs(move) <= small &&
              (at.s > 0.0) == (at.s + step.ds > 0.0))) { /* less than s can say */
             to.alpha += move;
