@@ -3447,6 +3447,7 @@ SPHPA_EXTERN_C_BEGIN_
 typedef enum sphpa_crush_way_ {
     SPHPA_CRUSH_SQUARE_, /* 1 + k2 t^2 and FLAT: the quadratic curve */
     SPHPA_CRUSH_POWERS_, /* 1 + k1 q^n1 + k2 t^n2 and FLAT, whole exponents up to 64 */
+    SPHPA_CRUSH_LANES_,  /* the same without a branch, for loops that the compiler vectorises */
     SPHPA_CRUSH_ANY_     /* anything */
 } sphpa_crush_way_;
 
@@ -3616,6 +3617,22 @@ SPHPA_FORCE_INLINE_ sphpa_crush_power_ sphpa_crush_power_of_(double x, double n,
     return out;
 }
 
+/* for whole exponents, without a branch that depends on x */
+SPHPA_FORCE_INLINE_ sphpa_crush_power_ sphpa_crush_power_lane_(double x, double n, int m) {
+    double y = 1.0, square = x;
+    int bits = m > 0 ? m - 1 : 0;
+    sphpa_crush_power_ out;
+    for (int k = 0; k < 6; k++) {
+        y = (bits >> k & 1) != 0 ? y * square : y;
+        square *= square;
+    }
+    out.d2 = m > 0 ? n * (n - 1.0) * y : 0.0;
+    y = m > 0 ? y * x : 1.0;
+    out.d1 = n * y;
+    out.value = x * y;
+    return out;
+}
+
 SPHPA_FORCE_INLINE_ int sphpa_crush_whole_(double n) {
     return n >= 1.0 && n <= 64.0 && n - floor(n) <= 0.0 ? (int)n - 1 : -1;
 }
@@ -3694,6 +3711,21 @@ SPHPA_NO_INLINE_ double sphpa_crush_curve_user_(const sphpa_crush_shape_ *shape,
     double alpha = shape->function(shape->user, P, slope);
     *slope *= shape->scale;
     return sphpa_clamp_(1.0 + shape->scale * (alpha - 1.0), 1.0, shape->top);
+}
+
+/* eqs. 2 and 3, without a branch */
+SPHPA_FORCE_INLINE_ double sphpa_crush_curve_lane_(const sphpa_crush_shape_ *shape,
+                                                   sphpa_crush_way_ way, double P) {
+    double p = sphpa_clamp_(P, shape->Pe, shape->Ps), t = (shape->Ps - p) * shape->inv_R, alpha;
+    if (way == SPHPA_CRUSH_SQUARE_) {
+        alpha = 1.0 + shape->k2 * (t * t);
+    } else {
+        double q = sphpa_max_(shape->Pt - p, 0.0) / shape->Rt;
+        alpha = shape->k2 * sphpa_crush_power_lane_(t, shape->n2, shape->m2).value +
+                shape->k1 * sphpa_crush_power_lane_(q, shape->n1, shape->m1).value + 1.0;
+    }
+    alpha = P < shape->Pe ? shape->top : sphpa_min_(alpha, shape->top);
+    return P > shape->Ps ? 1.0 : alpha;
 }
 
 /* eqs. 2 and 3, with the flat continuation on both sides; *slope is that of the crushing side */
@@ -3818,15 +3850,18 @@ SPHPA_FORCE_INLINE_ sphpa_crush_place_ sphpa_crush_at_(const sphpa_crush_shape_ 
         return out;
     }
     if (way == SPHPA_CRUSH_ANY_ && shape->function != NULL) return sphpa_crush_at_user_(shape, s);
-    bool whole = way == SPHPA_CRUSH_POWERS_;
-    double c = shape->c, t = shape->t0 + c * s, k1 = shape->k1;
-    sphpa_crush_power_ second =
-        sphpa_crush_power_of_(t > 0.0 ? t : 0.0, shape->n2, shape->m2, whole);
+    bool whole = way == SPHPA_CRUSH_POWERS_, lanes = way == SPHPA_CRUSH_LANES_;
+    double c = shape->c, t = sphpa_max_(shape->t0 + c * s, 0.0), k1 = shape->k1;
+    sphpa_crush_power_ second = lanes
+                                    ? sphpa_crush_power_lane_(t, shape->n2, shape->m2)
+                                    : sphpa_crush_power_of_(t, shape->n2, shape->m2, whole);
     out.alpha = shape->k2 * second.value;
     out.d1 = shape->k2 * c * second.d1;
     out.d2 = shape->k2 * c * c * second.d2;
-    if (s > 0.0 && k1 > 0.0) {
-        sphpa_crush_power_ first = sphpa_crush_power_of_(s, shape->n1, shape->m1, whole);
+    if (lanes || (s > 0.0 && k1 > 0.0)) {
+        sphpa_crush_power_ first =
+            lanes ? sphpa_crush_power_lane_(sphpa_max_(s, 0.0), shape->n1, shape->m1)
+                  : sphpa_crush_power_of_(s, shape->n1, shape->m1, whole);
         out.alpha += k1 * first.value;
         out.d1 += k1 * first.d1;
         out.d2 += k1 * first.d2;
@@ -3861,15 +3896,19 @@ SPHPA_FORCE_INLINE_ double sphpa_crush_meet_(const sphpa_crush_shape_ *shape, sp
     double M = D * (alpha - 1.0) + (shape->Ps - P);
     if (way == SPHPA_CRUSH_SQUARE_)
         return M > 0.0 ? sphpa_min_(1.0, 2.0 * M / (R + sqrt(R * R + 4.0 * k2 * M))) : 0.0;
-    double M1 = D * (alpha - shape->alpha_knee) + (shape->Pt - P);
-    if (k1 > 0.0 && M1 > 0.0) {
-        double q = shape->Rt > M1 ? M1 / shape->Rt : 1.0;
-        return k1 > M1 ? sphpa_min_(q, sphpa_crush_root_(M1 / k1, shape->inv_n1)) : q;
+    double M1 = D * (alpha - shape->alpha_knee) + (shape->Pt - P), none = k1 > 0.0 ? 0.0 : 1.0;
+    bool lanes = way == SPHPA_CRUSH_LANES_, below = k1 > 0.0 && M1 > 0.0;
+    double q = 1.0, t = 1.0;
+    if (lanes || below) {
+        q = sphpa_min_(sphpa_max_(M1, 0.0) / shape->Rt, 1.0);
+        q = sphpa_min_(q, sphpa_crush_root_(sphpa_min_(M1 / (k1 + none), 1.0), shape->inv_n1));
     }
-    if (!(M > 0.0)) return shape->s_end;
-    double t = R > M ? M / R : 1.0;
-    if (k2 > M) t = sphpa_min_(t, sphpa_crush_root_(M / k2, shape->inv_n2));
-    return (sphpa_min_(t, shape->k1 > 0.0 ? shape->t0 : 1.0) - shape->t0) / shape->c;
+    if (lanes || !below) {
+        t = sphpa_min_(sphpa_max_(M, 0.0) / R, shape->k1 > 0.0 ? shape->t0 : 1.0);
+        t = sphpa_min_(t, sphpa_crush_root_(sphpa_min_(M / k2, 1.0), shape->inv_n2));
+        t = M > 0.0 ? (t - shape->t0) / shape->c : shape->s_end;
+    }
+    return below ? q : t;
 }
 
 /* the inverse of a curve, about */
@@ -3891,6 +3930,15 @@ SPHPA_FORCE_INLINE_ double sphpa_crush_halley_(double H, double H1, double H2) {
     if (bottom > 3.0 * square && H1 >= 0.0) return -2.0 * H / (H1 + sqrt(square - 2.0 * bend));
     bottom = bottom > square ? bottom : 2.0 * square;
     return -2.0 * H * H1 / bottom;
+}
+
+/* the same without a branch */
+SPHPA_FORCE_INLINE_ double sphpa_crush_halley_lane_(double H, double H1, double H2) {
+    double square = H1 * H1, bend = H * H2, bottom = 2.0 * square - bend;
+    double root = H1 + sqrt(sphpa_max_(square - 2.0 * bend, 0.0));
+    bool euler = (bottom > 3.0 * square) & (H1 >= 0.0);
+    bottom = bottom > square ? bottom : 2.0 * square;
+    return -2.0 * H * (euler ? 1.0 : H1) / (euler ? root : bottom);
 }
 
 /* the least s with this alpha, in [1, top]: Halley in a bracket; a caller's curve may be a staircase:
@@ -4218,10 +4266,8 @@ SPHPA_NO_INLINE_ sphpa_palpha_place_ sphpa_palpha_path_line_(const sphpa_palpha_
     return out;
 }
 
-SPHPA_FORCE_INLINE_ sphpa_palpha_place_ sphpa_palpha_path_(const sphpa_palpha_task_ *task,
-                                                           sphpa_crush_way_ way, double s) {
-    const sphpa_crush_shape_ *shape = task->shape;
-    if (way == SPHPA_CRUSH_ANY_ && task->on_line) return sphpa_palpha_path_line_(task, s);
+SPHPA_FORCE_INLINE_ sphpa_palpha_place_ sphpa_palpha_on_curve_(const sphpa_crush_shape_ *shape,
+                                                               sphpa_crush_way_ way, double s) {
     sphpa_crush_place_ place = sphpa_crush_at_(shape, way, s);
     sphpa_palpha_place_ out;
     out.s = s;
@@ -4232,6 +4278,12 @@ SPHPA_FORCE_INLINE_ sphpa_palpha_place_ sphpa_palpha_path_(const sphpa_palpha_ta
     out.P = shape->P0 + out.P1 * s;
     out.P2 = 0.0;
     return out;
+}
+
+SPHPA_FORCE_INLINE_ sphpa_palpha_place_ sphpa_palpha_path_(const sphpa_palpha_task_ *task,
+                                                           sphpa_crush_way_ way, double s) {
+    if (way == SPHPA_CRUSH_ANY_ && task->on_line) return sphpa_palpha_path_line_(task, s);
+    return sphpa_palpha_on_curve_(task->shape, way, s);
 }
 
 /* Peos as a function of alpha, made a parabola. */
@@ -4245,14 +4297,21 @@ typedef struct sphpa_palpha_step_ {
     double H, H1, H2, ds;
 } sphpa_palpha_step_;
 
-SPHPA_FORCE_INLINE_ sphpa_palpha_step_ sphpa_palpha_step_of_(const sphpa_palpha_parabola_ *matrix,
-                                                             const sphpa_palpha_place_ *at) {
+SPHPA_FORCE_INLINE_ sphpa_palpha_step_ sphpa_palpha_slopes_(const sphpa_palpha_parabola_ *matrix,
+                                                            const sphpa_palpha_place_ *at) {
     double d = at->alpha - matrix->alpha, fall = matrix->Y1 + d * matrix->Y2 - at->P;
     sphpa_palpha_step_ out;
     out.H = matrix->Y + d * (matrix->Y1 + 0.5 * d * matrix->Y2) - at->alpha * at->P;
     out.H1 = at->alpha1 * fall - at->alpha * at->P1;
     out.H2 = at->alpha2 * fall + at->alpha1 * (at->alpha1 * matrix->Y2 - 2.0 * at->P1) -
              at->alpha * at->P2;
+    out.ds = 0.0;
+    return out;
+}
+
+SPHPA_FORCE_INLINE_ sphpa_palpha_step_ sphpa_palpha_step_of_(const sphpa_palpha_parabola_ *matrix,
+                                                             const sphpa_palpha_place_ *at) {
+    sphpa_palpha_step_ out = sphpa_palpha_slopes_(matrix, at);
     out.ds = sphpa_crush_halley_(out.H, out.H1, out.H2);
     return out;
 }
