@@ -3936,9 +3936,9 @@ SPHPA_FORCE_INLINE_ double sphpa_crush_halley_(double H, double H1, double H2) {
 SPHPA_FORCE_INLINE_ double sphpa_crush_halley_lane_(double H, double H1, double H2) {
     double square = H1 * H1, bend = H * H2, bottom = 2.0 * square - bend;
     double root = H1 + sqrt(sphpa_max_(square - 2.0 * bend, 0.0));
-    bool euler = (bottom > 3.0 * square) & (H1 >= 0.0);
-    bottom = bottom > square ? bottom : 2.0 * square;
-    return -2.0 * H * (euler ? 1.0 : H1) / (euler ? root : bottom);
+    double top = bottom > 3.0 * square ? 1.0 : H1, low = bottom > square ? bottom : 2.0 * square;
+    low = bottom > 3.0 * square ? root : low;
+    return -2.0 * H * top / low; /* H1 < 0 leaves the bracket either way */
 }
 
 /* the least s with this alpha, in [1, top]: Halley in a bracket; a caller's curve may be a staircase:
@@ -4833,6 +4833,10 @@ SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_begin_(const sphpa_palpha_call_ *c
     return SPHPA_OK;
 }
 
+SPHPA_FORCE_INLINE_ double sphpa_palpha_floor2_(const sphpa_tillotson *mat) {
+    return (mat->c2_floor > 0.0 ? mat->c2_floor : 0.01) * mat->A / mat->rho0;
+}
+
 /* the adiabatic speed in the matrix, floored */
 SPHPA_FORCE_INLINE_ double sphpa_palpha_c_(const sphpa_palpha_matrix_ *matrix, double rho_s,
                                            double floor2) {
@@ -4891,7 +4895,7 @@ SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_one_(const sphpa_palpha_call_ *cal
     sphpa_result result = sphpa_palpha_begin_(call, mat, rho, u, alpha_old, &task);
     if (result != SPHPA_OK) return result;
     task.kink = mat->rho0 / rho;
-    task.floor2 = (mat->c2_floor > 0.0 ? mat->c2_floor : 0.01) * mat->A / mat->rho0;
+    task.floor2 = sphpa_palpha_floor2_(mat);
     if (call->solver == SPHPA_PALPHA_CRUSH_SPACE) {
         task.rising = sphpa_palpha_rising_(mat, rho, u);
         result = sphpa_palpha_run_crush_space_(&task, out);
@@ -4947,23 +4951,394 @@ SPHPA_DEF sphpa_result sphpa_palpha_solve_eos(sphpa_palpha_solver solver, const 
     return sphpa_palpha_run_(sphpa_palpha_eval_any_, solver, SPHPA_CRUSH_ANY_, &task, out);
 }
 
+/* ---- many states at once --------------------------------------------------------------------- */
+
+/* States side by side, for loops that the compiler turns into SIMD: FLAT, a closed curve, P known to
+   rise with alpha. Whatever is not plain (a step out of the bracket that does not come to rest, a
+   value that is not finite) is left to the scalar solver. */
+enum { SPHPA_LANES_ = 128, SPHPA_LANES_ROUNDS_ = 6 };
+
+typedef struct sphpa_palpha_lanes_ {
+    size_t n, id[SPHPA_LANES_];                                  /* id: in the caller's arrays */
+    double rho[SPHPA_LANES_], u[SPHPA_LANES_], cap[SPHPA_LANES_];
+    double s[SPHPA_LANES_], lo[SPHPA_LANES_], hi[SPHPA_LANES_];  /* place, and bracket */
+    double from[SPHPA_LANES_], Y2[SPHPA_LANES_];                 /* alpha and Y2 a step before */
+    double alpha[SPHPA_LANES_], P[SPHPA_LANES_], c[SPHPA_LANES_]; /* the answer, if it is one */
+    double done[SPHPA_LANES_];                                    /* 1: it is; else 0 */
+} sphpa_palpha_lanes_;
+
+/* What all lanes share; copies, which no store in the loop can touch. */
+typedef struct sphpa_palpha_common_ {
+    sphpa_tillotson mat;
+    sphpa_crush_shape_ shape;
+    double tol, floor2;
+} sphpa_palpha_common_;
+
+/* Tillotson without a branch: `hot` lanes have u > u_iv, the others never leave the cold branch */
+SPHPA_FORCE_INLINE_ sphpa_tillotson_branch_ sphpa_palpha_lane_eos_(const sphpa_tillotson *mat,
+                                                                   bool hot, double rho_s,
+                                                                   double u) {
+    sphpa_tillotson_branch_ cold = sphpa_tillotson_cold_(mat, rho_s, u), out;
+    if (!hot) return cold;
+    double expanded = sphpa_min_(rho_s, mat->rho0); /* above rho0 it is not looked at */
+    sphpa_tillotson_branch_ vapour = sphpa_tillotson_vapour_(mat, expanded, u);
+    sphpa_tillotson_branch_ blend =
+        sphpa_tillotson_blend_(mat, sphpa_min_(u, mat->u_cv), &vapour, &cold);
+    bool dense = rho_s >= mat->rho0, gas = u >= mat->u_cv;
+    out.P = dense ? cold.P : gas ? vapour.P : blend.P;
+    out.dP_drho = dense ? cold.dP_drho : gas ? vapour.dP_drho : blend.dP_drho;
+    out.dP_du = dense ? cold.dP_du : gas ? vapour.dP_du : blend.dP_du;
+    out.d2P_drho2 = dense ? cold.d2P_drho2 : gas ? vapour.d2P_drho2 : blend.d2P_drho2;
+    out.d2P_drho_du = dense ? cold.d2P_drho_du : gas ? vapour.d2P_drho_du : blend.d2P_drho_du;
+    return out;
+}
+
+SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_c_(const sphpa_palpha_common_ *common, double P,
+                                                double d1, double dP_du, double rho_s) {
+    double inv_rho = 1.0 / rho_s, c2 = d1 + (P * inv_rho) * (dP_du * inv_rho);
+    return sqrt(sphpa_max_(c2, common->floor2));
+}
+
+/* a step of the parabola towards the path, without an evaluation */
+SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_model_(const sphpa_crush_shape_ *shape,
+                                                    sphpa_crush_way_ way,
+                                                    const sphpa_palpha_parabola_ *matrix, double s) {
+    sphpa_palpha_place_ at = sphpa_palpha_on_curve_(shape, way, s);
+    sphpa_palpha_step_ step = sphpa_palpha_slopes_(matrix, &at);
+    double ds = sphpa_crush_halley_lane_(step.H, step.H1, step.H2), end = shape->s_end;
+    double moved = fabs(ds) < 1.0 - end ? sphpa_clamp_(s + ds, end, 1.0) : s;
+    return s > end ? moved : s;
+}
+
+/* Lane i at alpha_old: the answer if it is elastic, and the first guess if it is not. */
+SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_start_(const sphpa_palpha_common_ *common, bool hot,
+                                                  sphpa_crush_way_ way, sphpa_palpha_lanes_ *x,
+                                                  size_t i) {
+    const sphpa_crush_shape_ *shape = &common->shape;
+    double rho = x->rho[i], cap = x->cap[i], rho_s = cap * rho, inv = 1.0 / cap;
+    sphpa_tillotson_branch_ eos = sphpa_palpha_lane_eos_(&common->mat, hot, rho_s, x->u[i]);
+    double P = eos.P * inv, end = shape->s_end, least = -DBL_MAX;
+    sphpa_palpha_parabola_ matrix;
+    matrix.alpha = cap;
+    matrix.Y = eos.P;
+    matrix.Y1 = rho * eos.dP_drho;
+    matrix.Y2 = rho * rho * eos.d2P_drho2;
+    least = common->mat.tensile_limit > 0.0 ? -common->mat.tensile_limit : least;
+    least = rho_s < common->mat.eta_cut * common->mat.rho0 ? 0.0 : least;
+    x->done[i] = cap <= sphpa_crush_curve_lane_(shape, way, P) ? 1.0 : 0.0;
+    x->alpha[i] = cap;
+    x->P[i] = sphpa_max_(eos.P, least) * inv;
+    x->c[i] = sphpa_palpha_lane_c_(common, eos.P, eos.dP_drho, eos.dP_du, rho_s);
+    double D = (matrix.Y1 - P) * inv, gas = ((shape->Ps - P) * shape->inv_R - shape->t0) / shape->c;
+    double s = sphpa_crush_meet_(shape, way, sphpa_max_(D, 0.0), cap, P);
+    s = sphpa_max_(D > 0.0 ? s : gas, end);
+    s = sphpa_palpha_lane_model_(shape, way, &matrix, s);
+    if (way == SPHPA_CRUSH_LANES_) { /* a loop here would not be vectorised */
+        s = sphpa_palpha_lane_model_(shape, way, &matrix, s);
+        s = sphpa_palpha_lane_model_(shape, way, &matrix, s);
+    }
+    x->s[i] = s;
+    x->lo[i] = end;
+    x->hi[i] = 1.0;
+    x->from[i] = cap;
+    x->Y2[i] = matrix.Y2;
+}
+
+/* The answer at `to` on the path, along the parabola around at->alpha; see sphpa_palpha_settle_ */
+SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_settle_(const sphpa_palpha_common_ *common,
+                                                   const sphpa_palpha_parabola_ *matrix,
+                                                   const sphpa_tillotson_branch_ *eos,
+                                                   const sphpa_palpha_place_ *to, double met,
+                                                   sphpa_palpha_lanes_ *x, size_t i) {
+    double alpha = sphpa_clamp_(to->alpha, 1.0, x->cap[i]), d = alpha - matrix->alpha;
+    double Y = matrix->Y + d * (matrix->Y1 + 0.5 * d * matrix->Y2), P = Y / alpha, rho = x->rho[i];
+    met = fabs(to->alpha1 * (matrix->Y1 - P)) > -to->P1 * alpha ? met : 0.0;
+    x->alpha[i] = alpha;
+    x->P[i] = met > 0.0 ? to->P : P;
+    x->c[i] = sphpa_palpha_lane_c_(common, Y, eos->dP_drho + d * rho * eos->d2P_drho2,
+                                   eos->dP_du + d * rho * eos->d2P_drho_du, alpha * rho);
+}
+
+/* yes and no of a lane are 1 and 0: compilers make masks of these, but not of every bool */
+SPHPA_FORCE_INLINE_ double sphpa_palpha_and_(double yes, bool also) { return also ? yes : 0.0; }
+SPHPA_FORCE_INLINE_ double sphpa_palpha_or_(double yes, bool or_else) { return or_else ? 1.0 : yes; }
+
+/* The step of lane i from `at`: the bracket, and where it leads; yes if inside. */
+SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_next_(const sphpa_crush_shape_ *shape,
+                                                   const sphpa_palpha_step_ *step,
+                                                   sphpa_palpha_lanes_ *x, size_t i,
+                                                   double *next) {
+    double s = x->s[i], lo = x->lo[i], hi = x->hi[i], end = shape->s_end;
+    double known = sphpa_palpha_or_(sphpa_palpha_and_(step->H <= 0.0 ? 1.0 : 0.0, s <= end), lo > end);
+    hi = step->H > 0.0 ? s : hi;
+    lo = step->H > 0.0 ? lo : s;
+    double far = s + step->ds, middle = hi > 0.0 ? 0.0 : 0.5 * (lo + hi);
+    double inside = sphpa_palpha_and_(far > lo ? 1.0 : 0.0, far < hi);
+    middle = lo < 0.0 ? middle : 0.5 * (lo + hi); /* 0: the knee */
+    middle = sphpa_palpha_and_(1.0 - known, far <= lo) > 0.0 ? lo : middle;
+    *next = inside > 0.0 ? far : middle;
+    x->lo[i] = lo;
+    x->hi[i] = hi;
+    return inside;
+}
+
+/* yes if a move of lane i from `at` to `to` is its last: the smooth end of sphpa_palpha_close_in_ */
+SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_last_(const sphpa_palpha_common_ *common,
+                                                   const sphpa_palpha_parabola_ *matrix,
+                                                   const sphpa_palpha_step_ *step,
+                                                   const sphpa_palpha_place_ *to, double small,
+                                                   const sphpa_palpha_lanes_ *x, size_t i) {
+    double at = matrix->alpha, from = x->from[i], size = fabs(to->alpha - at);
+    double before = sphpa_min_(fabs(at - from), 0.5 * at), cube = size * size * size;
+    double slope = step->H1 + step->H2 * step->ds, kink = common->mat.rho0 / x->rho[i];
+    double low = sphpa_min_(sphpa_min_(from, at), to->alpha);
+    double high = sphpa_max_(sphpa_max_(from, at), to->alpha);
+    double change = fabs(matrix->Y2 - x->Y2[i]) * to->alpha1;
+    double yes = 100.0 * size * cube <= small * (before * before * before) ? 1.0 : 0.0;
+    yes = sphpa_palpha_and_(yes, 10.0 * change * cube <= small * slope * before);
+    return sphpa_palpha_and_(high < kink ? 1.0 : low >= kink ? 1.0 : 0.0, yes > 0.0);
+}
+
+/* One round of sphpa_palpha_close_in_ for lane i. */
+SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_round_(const sphpa_palpha_common_ *common, bool hot,
+                                                  sphpa_crush_way_ way, sphpa_palpha_lanes_ *x,
+                                                  size_t i) {
+    const sphpa_crush_shape_ *shape = &common->shape;
+    double rho = x->rho[i], s = x->s[i], next;
+    sphpa_palpha_place_ at = sphpa_palpha_on_curve_(shape, way, s), to, further;
+    sphpa_tillotson_branch_ eos = sphpa_palpha_lane_eos_(&common->mat, hot, at.alpha * rho, x->u[i]);
+    sphpa_palpha_parabola_ matrix;
+    matrix.alpha = at.alpha;
+    matrix.Y = eos.P;
+    matrix.Y1 = rho * eos.dP_drho;
+    matrix.Y2 = rho * rho * eos.d2P_drho2;
+    sphpa_palpha_step_ step = sphpa_palpha_slopes_(&matrix, &at), more;
+    step.ds = sphpa_crush_halley_lane_(step.H, step.H1, step.H2);
+    double small = sphpa_max_(common->tol, 4.0 * DBL_EPSILON * at.alpha);
+    double noise = DBL_EPSILON * at.alpha * (shape->P0 - at.P1 * fabs(s));
+    double closed = sphpa_palpha_and_(step.H > 0.0 ? 1.0 : 0.0, s <= shape->s_end);
+    double rest = sphpa_palpha_or_(closed, fabs(step.H) <= noise); /* no step at all */
+    double inside = sphpa_palpha_lane_next_(shape, &step, x, i, &next);
+    to = sphpa_palpha_on_curve_(shape, way, next);
+    double near = step.ds * (at.alpha1 + 0.5 * step.ds * at.alpha2);
+    double same = (s > 0.0 ? 1.0 : 0.0) - (s + step.ds > 0.0 ? 1.0 : 0.0);
+    double tiny = sphpa_palpha_and_(fabs(step.ds) <= 1e-7 ? 1.0 : 0.0, fabs(near) <= small);
+    tiny = sphpa_palpha_and_(tiny, fabs(same) + rest <= 0.0);
+    double brief = sphpa_palpha_and_(inside, fabs(to.alpha - at.alpha) + fabs(same) <= small);
+    more = sphpa_palpha_slopes_(&matrix, &to);
+    more.ds = sphpa_crush_halley_lane_(more.H, more.H1, more.H2);
+    further = sphpa_palpha_on_curve_(shape, way, next + more.ds);
+    double meets = sphpa_palpha_and_(inside, fabs(further.alpha - to.alpha) <=
+                                                 1e-3 * fabs(to.alpha - at.alpha));
+    meets = sphpa_palpha_and_(sphpa_palpha_and_(meets, further.s > x->lo[i]), further.s < x->hi[i]);
+    double last = sphpa_palpha_lane_last_(common, &matrix, &step, &to, small, x, i);
+    last = sphpa_palpha_and_(last, meets > 0.0);
+    to.alpha = meets > 0.0 ? further.alpha : to.alpha;
+    to.alpha = tiny > 0.0 ? at.alpha + near : to.alpha;
+    to.alpha = rest > 0.0 ? at.alpha : to.alpha;
+    to.P = meets > 0.0 ? further.P : to.P;
+    to.P = rest > 0.0 ? at.P : to.P;
+    sphpa_palpha_lane_settle_(common, &matrix, &eos, &to, 1.0 - closed, x, i);
+    double done = sphpa_max_(sphpa_max_(rest, tiny), sphpa_max_(brief, last));
+    x->done[i] = sphpa_palpha_and_(done, fabs(matrix.Y) + fabs(matrix.Y1) <= DBL_MAX);
+    x->s[i] = meets > 0.0 ? further.s : next;
+    x->from[i] = at.alpha;
+    x->Y2[i] = matrix.Y2;
+}
+
+/* The loops, once for each kind of lanes. The copy keeps the stores from touching what is shared. */
+#define SPHPA_PALPHA_LOOPS_(name, hot, way)                                                        \
+    SPHPA_NO_INLINE_ void sphpa_palpha_start_##name##_(const sphpa_palpha_common_ *shared,         \
+                                                       sphpa_palpha_lanes_ *x) {                   \
+        const sphpa_palpha_common_ common = *shared;                                               \
+        SPHPA_SIMD                                                                                 \
+        for (size_t i = 0; i < x->n; i++) sphpa_palpha_lane_start_(&common, hot, way, x, i);       \
+    }                                                                                              \
+    SPHPA_NO_INLINE_ void sphpa_palpha_round_##name##_(const sphpa_palpha_common_ *shared,         \
+                                                       sphpa_palpha_lanes_ *x) {                   \
+        const sphpa_palpha_common_ common = *shared;                                               \
+        SPHPA_SIMD                                                                                 \
+        for (size_t i = 0; i < x->n; i++) sphpa_palpha_lane_round_(&common, hot, way, x, i);       \
+    }
+SPHPA_PALPHA_LOOPS_(cold_square, false, SPHPA_CRUSH_SQUARE_)
+SPHPA_PALPHA_LOOPS_(cold_powers, false, SPHPA_CRUSH_LANES_)
+SPHPA_PALPHA_LOOPS_(hot_square, true, SPHPA_CRUSH_SQUARE_)
+SPHPA_PALPHA_LOOPS_(hot_powers, true, SPHPA_CRUSH_LANES_)
+#undef SPHPA_PALPHA_LOOPS_
+
+/* One batch: what is given, and where the answers go. */
+typedef struct sphpa_palpha_batch_ {
+    const sphpa_palpha_call_ *call;
+    sphpa_palpha_common_ common;
+    const double *rho, *u, *alpha_old;
+    double *alpha, *P;
+    bool lanes, cold_rises; /* lanes can be used; P rises with alpha wherever u <= u_iv */
+} sphpa_palpha_batch_;
+
 SPHPA_PRIVATE_ void sphpa_palpha_stats_clear_(sphpa_palpha_stats *stats, size_t n) {
     stats->failed = stats->evaluations = stats->fell_back = 0;
     stats->first_failed = n;
     stats->evaluations_max = 0;
 }
 
-SPHPA_PRIVATE_ void sphpa_palpha_stats_add_(sphpa_palpha_stats *stats, size_t i,
-                                            sphpa_result result,
-                                            const sphpa_palpha_solution *state) {
+/* the scalar solver for one state, with what lanes have spent on it already */
+SPHPA_PRIVATE_ sphpa_result sphpa_palpha_batch_one_(const sphpa_palpha_batch_ *batch, size_t i,
+                                                    double alpha_old, int spent,
+                                                    sphpa_palpha_stats *stats) {
+    sphpa_palpha_solution state;
+    sphpa_result result = sphpa_palpha_one_(batch->call, &batch->common.mat, batch->rho[i],
+                                            batch->u[i], alpha_old, &state);
     if (stats->status != NULL) stats->status[i] = (unsigned char)result;
-    if (result != SPHPA_OK && stats->failed++ == 0) stats->first_failed = i;
-    if (result != SPHPA_OK && result != SPHPA_ERROR_NOT_CONVERGED) return;
-    stats->evaluations += (size_t)state->evaluations;
-    if (state->evaluations > stats->evaluations_max) stats->evaluations_max = state->evaluations;
-    if (state->fell_back != 0) stats->fell_back++;
-    if (stats->c != NULL) stats->c[i] = state->c;
-    if (stats->residual != NULL) stats->residual[i] = state->residual;
+    if (result != SPHPA_OK) {
+        stats->failed++;
+        if (i < stats->first_failed) stats->first_failed = i;
+        if (result != SPHPA_ERROR_NOT_CONVERGED) return result;
+    }
+    batch->alpha[i] = state.alpha;
+    batch->P[i] = state.P;
+    if (stats->c != NULL) stats->c[i] = state.c;
+    if (stats->residual != NULL) stats->residual[i] = state.residual;
+    spent += state.evaluations;
+    stats->evaluations += (size_t)spent;
+    if (spent > stats->evaluations_max) stats->evaluations_max = spent;
+    if (state.fell_back != 0) stats->fell_back++;
+    return result;
+}
+
+/* writes lane i's answer, after `spent` evaluations */
+SPHPA_FORCE_INLINE_ void sphpa_palpha_batch_emit_(const sphpa_palpha_batch_ *batch,
+                                                  const sphpa_palpha_lanes_ *x, size_t i,
+                                                  sphpa_palpha_stats *stats) {
+    size_t k = x->id[i];
+    batch->alpha[k] = x->alpha[i];
+    batch->P[k] = x->P[i];
+    if (stats->c != NULL) stats->c[k] = x->c[i];
+    if (stats->status != NULL) stats->status[k] = (unsigned char)SPHPA_OK;
+    if (stats->residual != NULL) {
+        double slope, on = sphpa_crush_curve_(&batch->common.shape, SPHPA_CRUSH_ANY_, x->P[i],
+                                              &slope);
+        stats->residual[k] = x->alpha[i] - sphpa_min_(on, x->cap[i]);
+    }
+}
+
+/* hands out the lanes that are done and closes the ranks */
+SPHPA_PRIVATE_ void sphpa_palpha_batch_gather_(const sphpa_palpha_batch_ *batch,
+                                               sphpa_palpha_lanes_ *x, int spent,
+                                               sphpa_palpha_stats *stats) {
+    size_t left = 0;
+    for (size_t i = 0; i < x->n; i++) {
+        if (x->done[i] > 0.0) {
+            sphpa_palpha_batch_emit_(batch, x, i, stats);
+            continue;
+        }
+        x->id[left] = x->id[i];
+        x->rho[left] = x->rho[i];
+        x->u[left] = x->u[i];
+        x->cap[left] = x->cap[i];
+        x->s[left] = x->s[i];
+        x->lo[left] = x->lo[i];
+        x->hi[left] = x->hi[i];
+        x->from[left] = x->from[i];
+        x->Y2[left++] = x->Y2[i];
+    }
+    stats->evaluations += (size_t)spent * (x->n - left);
+    if (left < x->n && spent > stats->evaluations_max) stats->evaluations_max = spent;
+    x->n = left;
+}
+
+SPHPA_PRIVATE_ sphpa_result sphpa_palpha_batch_lanes_(const sphpa_palpha_batch_ *batch, bool hot,
+                                                      sphpa_palpha_lanes_ *x,
+                                                      sphpa_palpha_stats *stats) {
+    const sphpa_palpha_common_ *common = &batch->common;
+    bool square = common->shape.way == SPHPA_CRUSH_SQUARE_;
+    sphpa_result worst = SPHPA_OK;
+    int spent = 0;
+    for (; spent <= SPHPA_LANES_ROUNDS_ && x->n > 0; spent++) {
+        if (spent == 0 && hot && square) sphpa_palpha_start_hot_square_(common, x);
+        else if (spent == 0 && hot) sphpa_palpha_start_hot_powers_(common, x);
+        else if (spent == 0 && square) sphpa_palpha_start_cold_square_(common, x);
+        else if (spent == 0) sphpa_palpha_start_cold_powers_(common, x);
+        else if (hot && square) sphpa_palpha_round_hot_square_(common, x);
+        else if (hot) sphpa_palpha_round_hot_powers_(common, x);
+        else if (square) sphpa_palpha_round_cold_square_(common, x);
+        else sphpa_palpha_round_cold_powers_(common, x);
+        sphpa_palpha_batch_gather_(batch, x, spent + 1, stats);
+    }
+    for (size_t i = 0; i < x->n; i++) {
+        sphpa_result result =
+            sphpa_palpha_batch_one_(batch, x->id[i], x->cap[i], spent, stats);
+        if (result > worst) worst = result;
+    }
+    return worst;
+}
+
+/* May state i go by lane? Everything that begin_ would mind, and all that lanes leave out. */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_batch_plain_(const sphpa_palpha_batch_ *batch, double rho,
+                                                   double u, double alpha_old) {
+    const sphpa_tillotson *mat = &batch->common.mat;
+    bool range = (rho > 1e-100) & (rho < 1e100) & (u >= 0.0) & (u < 1e100) & (alpha_old > 1.0) &
+                 (alpha_old <= batch->common.shape.alpha0);
+    if (!range || !batch->lanes) return false;
+    return (batch->cold_rises && u <= mat->u_iv) || sphpa_palpha_rising_(mat, rho, u) <= 1.0;
+}
+
+/* the states [first, last), at most SPHPA_LANES_ of them */
+SPHPA_PRIVATE_ sphpa_result sphpa_palpha_batch_block_(const sphpa_palpha_batch_ *batch,
+                                                      size_t first, size_t last,
+                                                      sphpa_palpha_stats *stats) {
+    sphpa_palpha_lanes_ lanes[2]; /* cold, hot */
+    sphpa_result worst = SPHPA_OK, result;
+    lanes[0].n = lanes[1].n = 0;
+    for (size_t i = first; i < last; i++) {
+        double rho = batch->rho[i], u = batch->u[i], alpha_old = batch->alpha_old[i];
+        if (!sphpa_palpha_batch_plain_(batch, rho, u, alpha_old)) {
+            result = sphpa_palpha_batch_one_(batch, i, alpha_old, 0, stats);
+            if (result > worst) worst = result;
+            continue;
+        }
+        sphpa_palpha_lanes_ *x = &lanes[u > batch->common.mat.u_iv];
+        x->id[x->n] = i;
+        x->rho[x->n] = rho;
+        x->u[x->n] = u;
+        x->cap[x->n++] = alpha_old;
+    }
+    for (int hot = 0; hot < 2; hot++) {
+        result = sphpa_palpha_batch_lanes_(batch, hot != 0, &lanes[hot], stats);
+        if (result > worst) worst = result;
+    }
+    return worst;
+}
+
+/* adds up what the blocks have counted; the arrays are the caller's */
+SPHPA_PRIVATE_ void sphpa_palpha_stats_add_(sphpa_palpha_stats *stats,
+                                            const sphpa_palpha_stats *block) {
+    stats->failed += block->failed;
+    stats->evaluations += block->evaluations;
+    stats->fell_back += block->fell_back;
+    if (block->first_failed < stats->first_failed) stats->first_failed = block->first_failed;
+    if (block->evaluations_max > stats->evaluations_max)
+        stats->evaluations_max = block->evaluations_max;
+}
+
+SPHPA_PRIVATE_ sphpa_result sphpa_palpha_batch_run_(const sphpa_palpha_batch_ *batch, size_t n,
+                                                    sphpa_palpha_stats *stats) {
+    sphpa_result worst = SPHPA_OK;
+    long long blocks = (long long)((n + SPHPA_LANES_ - 1) / SPHPA_LANES_);
+    sphpa_palpha_stats_clear_(stats, n);
+    SPHPA_OMP(parallel for schedule(static) if(blocks >= 32))
+    for (long long b = 0; b < blocks; b++) {
+        size_t first = (size_t)b * SPHPA_LANES_;
+        size_t last = n - first > SPHPA_LANES_ ? first + SPHPA_LANES_ : n;
+        sphpa_palpha_stats mine = *stats;
+        sphpa_palpha_stats_clear_(&mine, n);
+        sphpa_result result = sphpa_palpha_batch_block_(batch, first, last, &mine);
+        SPHPA_OMP(critical(sphpa_palpha_batch))
+        {
+            sphpa_palpha_stats_add_(stats, &mine);
+            if (result > worst) worst = result;
+        }
+    }
+    return worst;
 }
 
 SPHPA_DEF sphpa_result sphpa_palpha_solve_batch(sphpa_palpha_solver solver,
@@ -4974,24 +5349,29 @@ SPHPA_DEF sphpa_result sphpa_palpha_solve_batch(sphpa_palpha_solver solver,
                                                 const sphpa_palpha_options *opt, double *alpha,
                                                 double *P, sphpa_palpha_stats *stats) {
     sphpa_palpha_call_ call;
-    sphpa_palpha_solution state;
+    sphpa_palpha_batch_ batch;
+    sphpa_palpha_stats own;
     if (mat == NULL) return SPHPA_ERROR_MISSING;
     if (n > 0 && (rho == NULL || u == NULL || alpha_old == NULL || alpha == NULL || P == NULL))
         return SPHPA_ERROR_MISSING;
-    sphpa_result worst = sphpa_palpha_open_(solver, curve, opt, &call);
-    if (worst != SPHPA_OK) return worst;
+    sphpa_result result = sphpa_palpha_open_(solver, curve, opt, &call);
+    if (result != SPHPA_OK) return result;
     if (!sphpa_palpha_material_ok_(mat)) return SPHPA_ERROR_MATERIAL;
-    if (stats != NULL) sphpa_palpha_stats_clear_(stats, n);
-    for (size_t i = 0; i < n; i++) {
-        sphpa_result result = sphpa_palpha_one_(&call, mat, rho[i], u[i], alpha_old[i], &state);
-        if (result == SPHPA_OK || result == SPHPA_ERROR_NOT_CONVERGED) {
-            alpha[i] = state.alpha;
-            P[i] = state.P;
-        }
-        if (result > worst) worst = result;
-        if (stats != NULL) sphpa_palpha_stats_add_(stats, i, result, &state);
-    }
-    return worst;
+    memset(&own, 0, sizeof own);
+    batch.call = &call;
+    batch.common.mat = *mat;
+    batch.common.shape = call.shape;
+    batch.common.tol = call.tol;
+    batch.common.floor2 = sphpa_palpha_floor2_(mat);
+    batch.rho = rho;
+    batch.u = u;
+    batch.alpha_old = alpha_old;
+    batch.alpha = alpha;
+    batch.P = P;
+    batch.lanes = solver == SPHPA_PALPHA_CRUSH_SPACE && !call.shape.dense &&
+                  call.shape.way != SPHPA_CRUSH_ANY_;
+    batch.cold_rises = mat->B >= 0.0 && (mat->B <= mat->A || mat->zero_B_expanded != 0);
+    return sphpa_palpha_batch_run_(&batch, n, stats != NULL ? stats : &own);
 }
 
 /* ---- around the step ------------------------------------------------------------------------- */
