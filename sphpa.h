@@ -3851,14 +3851,14 @@ SPHPA_FORCE_INLINE_ sphpa_crush_place_ sphpa_crush_at_(const sphpa_crush_shape_ 
     }
     if (way == SPHPA_CRUSH_ANY_ && shape->function != NULL) return sphpa_crush_at_user_(shape, s);
     bool whole = way == SPHPA_CRUSH_POWERS_, lanes = way == SPHPA_CRUSH_LANES_;
-    double c = shape->c, t = sphpa_max_(shape->t0 + c * s, 0.0), k1 = shape->k1;
+    double c = shape->c, t = sphpa_max_(shape->t0 + c * s, 0.0), k1 = s > 0.0 ? shape->k1 : 0.0;
     sphpa_crush_power_ second = lanes
                                     ? sphpa_crush_power_lane_(t, shape->n2, shape->m2)
                                     : sphpa_crush_power_of_(t, shape->n2, shape->m2, whole);
     out.alpha = shape->k2 * second.value;
     out.d1 = shape->k2 * c * second.d1;
     out.d2 = shape->k2 * c * c * second.d2;
-    if (lanes || (s > 0.0 && k1 > 0.0)) {
+    if (lanes || k1 > 0.0) {
         sphpa_crush_power_ first =
             lanes ? sphpa_crush_power_lane_(sphpa_max_(s, 0.0), shape->n1, shape->m1)
                   : sphpa_crush_power_of_(s, shape->n1, shape->m1, whole);
@@ -3932,13 +3932,11 @@ SPHPA_FORCE_INLINE_ double sphpa_crush_halley_(double H, double H1, double H2) {
     return -2.0 * H * H1 / bottom;
 }
 
-/* the same without a branch */
+/* Halley's without a branch, kept between two thirds of Newton's step and twice his */
 SPHPA_FORCE_INLINE_ double sphpa_crush_halley_lane_(double H, double H1, double H2) {
-    double square = H1 * H1, bend = H * H2, bottom = 2.0 * square - bend;
-    double root = H1 + sqrt(sphpa_max_(square - 2.0 * bend, 0.0));
-    double top = bottom > 3.0 * square ? 1.0 : H1, low = bottom > square ? bottom : 2.0 * square;
-    low = bottom > 3.0 * square ? root : low;
-    return -2.0 * H * top / low; /* H1 < 0 leaves the bracket either way */
+    double square = H1 * H1, bottom = sphpa_min_(2.0 * square - H * H2, 3.0 * square);
+    bottom = bottom > square ? bottom : 2.0 * square;
+    return -2.0 * H * H1 / bottom;
 }
 
 /* the least s with this alpha, in [1, top]: Halley in a bracket; a caller's curve may be a staircase:
@@ -4386,6 +4384,17 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_last_(double Y2_change, const sphpa_palpha
            (10.0 * fabs(Y2_change) * cube * alpha1 <= small * slope * before);
 }
 
+/* Is Halley's step along the quadratic curve good enough? His error is (H2 ds/(2 H1))^2 + H3 ds^2/(6
+   H1) of the move. */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_halley_good_(const sphpa_palpha_parabola_ *matrix,
+                                                   const sphpa_palpha_step_ *step,
+                                                   const sphpa_palpha_place_ *at, double small,
+                                                   double move) {
+    double bend = step->H2 * step->ds, square = step->H1 * step->H1;
+    double third = at->alpha2 * (fabs(at->alpha1 * matrix->Y2) - at->P1) * step->ds * step->ds;
+    return 20.0 * (bend * bend + third * step->H1) * fabs(move) <= small * square;
+}
+
 /* Where the parabola at hand meets the path: *to, where Halley's step from `at` has led if his own
    error is small, or a second one from there, which has to be a thousand times shorter. */
 SPHPA_FORCE_INLINE_ bool sphpa_palpha_meets_(const sphpa_palpha_task_ *task, sphpa_crush_way_ way,
@@ -4393,11 +4402,8 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_meets_(const sphpa_palpha_task_ *task, sph
                                              const sphpa_palpha_step_ *step,
                                              const sphpa_palpha_place_ *at, double move,
                                              double small, sphpa_palpha_place_ *to) {
-    if (way == SPHPA_CRUSH_SQUARE_) { /* (H2 ds/(2 H1))^2 + H3 ds^2/(6 H1), by move */
-        double bend = step->H2 * step->ds, square = step->H1 * step->H1;
-        double third = at->alpha2 * (fabs(at->alpha1 * matrix->Y2) - at->P1) * step->ds * step->ds;
-        if (20.0 * (bend * bend + third * step->H1) * fabs(move) <= small * square) return true;
-    }
+    if (way == SPHPA_CRUSH_SQUARE_ && sphpa_palpha_halley_good_(matrix, step, at, small, move))
+        return true;
     sphpa_palpha_step_ more = sphpa_palpha_step_of_(matrix, to);
     sphpa_palpha_place_ there = sphpa_palpha_path_(task, way, to->s + more.ds);
     if (!(fabs(there.alpha - to->alpha) <= 1e-3 * fabs(move))) return false;
@@ -4959,10 +4965,10 @@ SPHPA_DEF sphpa_result sphpa_palpha_solve_eos(sphpa_palpha_solver solver, const 
 enum { SPHPA_LANES_ = 128, SPHPA_LANES_ROUNDS_ = 6 };
 
 typedef struct sphpa_palpha_lanes_ {
-    size_t n, id[SPHPA_LANES_];                                  /* id: in the caller's arrays */
-    double rho[SPHPA_LANES_], u[SPHPA_LANES_], cap[SPHPA_LANES_];
-    double s[SPHPA_LANES_], lo[SPHPA_LANES_], hi[SPHPA_LANES_];  /* place, and bracket */
-    double from[SPHPA_LANES_], Y2[SPHPA_LANES_];                 /* alpha and Y2 a step before */
+    size_t n, id[SPHPA_LANES_]; /* id: in the block */
+    double rho[SPHPA_LANES_], u[SPHPA_LANES_], cap[SPHPA_LANES_], inv_rho[SPHPA_LANES_];
+    double s[SPHPA_LANES_], lo[SPHPA_LANES_], hi[SPHPA_LANES_];   /* place, and bracket */
+    double from[SPHPA_LANES_], Y1[SPHPA_LANES_], Y2[SPHPA_LANES_]; /* alpha a step before, Y there */
     double alpha[SPHPA_LANES_], P[SPHPA_LANES_], c[SPHPA_LANES_]; /* the answer, if it is one */
     double done[SPHPA_LANES_];                                    /* 1: it is; else 0 */
 } sphpa_palpha_lanes_;
@@ -4994,9 +5000,40 @@ SPHPA_FORCE_INLINE_ sphpa_tillotson_branch_ sphpa_palpha_lane_eos_(const sphpa_t
 }
 
 SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_c_(const sphpa_palpha_common_ *common, double P,
-                                                double d1, double dP_du, double rho_s) {
-    double inv_rho = 1.0 / rho_s, c2 = d1 + (P * inv_rho) * (dP_du * inv_rho);
+                                                double d1, double dP_du, double inv_rho_s) {
+    double c2 = d1 + (P * inv_rho_s) * (dP_du * inv_rho_s);
     return sqrt(sphpa_max_(c2, common->floor2));
+}
+
+SPHPA_FORCE_INLINE_ sphpa_palpha_parabola_ sphpa_palpha_lane_parabola_(
+    const sphpa_tillotson_branch_ *eos, double rho, double alpha) {
+    sphpa_palpha_parabola_ out;
+    out.alpha = alpha;
+    out.Y = eos->P;
+    out.Y1 = rho * eos->dP_drho;
+    out.Y2 = rho * rho * eos->d2P_drho2;
+    return out;
+}
+
+/* Lane i at alpha_old: the answer if that is elastic. */
+SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_end_(const sphpa_palpha_common_ *common, bool hot,
+                                                sphpa_crush_way_ way, sphpa_palpha_lanes_ *x,
+                                                size_t i) {
+    const sphpa_tillotson *mat = &common->mat;
+    double rho = x->rho[i], cap = x->cap[i], rho_s = cap * rho, inv_s = 1.0 / rho_s;
+    sphpa_tillotson_branch_ eos = sphpa_palpha_lane_eos_(mat, hot, rho_s, x->u[i]);
+    sphpa_palpha_parabola_ matrix = sphpa_palpha_lane_parabola_(&eos, rho, cap);
+    double inv = rho * inv_s, P = eos.P * inv;
+    double least = mat->tensile_limit > 0.0 ? -mat->tensile_limit : -DBL_MAX;
+    least = rho_s < mat->eta_cut * mat->rho0 ? 0.0 : least;
+    x->done[i] = cap <= sphpa_crush_curve_lane_(&common->shape, way, P) ? 1.0 : 0.0;
+    x->alpha[i] = cap;
+    x->P[i] = sphpa_max_(eos.P, least) * inv;
+    x->c[i] = sphpa_palpha_lane_c_(common, eos.P, eos.dP_drho, eos.dP_du, inv_s);
+    x->inv_rho[i] = cap * inv_s;
+    x->s[i] = P; /* for the guess */
+    x->Y1[i] = matrix.Y1;
+    x->Y2[i] = matrix.Y2;
 }
 
 /* a step of the parabola towards the path, without an evaluation */
@@ -5010,26 +5047,18 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_model_(const sphpa_crush_shape_ *sh
     return s > end ? moved : s;
 }
 
-/* Lane i at alpha_old: the answer if it is elastic, and the first guess if it is not. */
-SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_start_(const sphpa_palpha_common_ *common, bool hot,
+/* The first place of lane i, as sphpa_palpha_guess_ has it. */
+SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_guess_(const sphpa_palpha_common_ *common,
                                                   sphpa_crush_way_ way, sphpa_palpha_lanes_ *x,
                                                   size_t i) {
     const sphpa_crush_shape_ *shape = &common->shape;
-    double rho = x->rho[i], cap = x->cap[i], rho_s = cap * rho, inv = 1.0 / cap;
-    sphpa_tillotson_branch_ eos = sphpa_palpha_lane_eos_(&common->mat, hot, rho_s, x->u[i]);
-    double P = eos.P * inv, end = shape->s_end, least = -DBL_MAX;
+    double P = x->s[i], cap = x->cap[i], end = shape->s_end;
     sphpa_palpha_parabola_ matrix;
     matrix.alpha = cap;
-    matrix.Y = eos.P;
-    matrix.Y1 = rho * eos.dP_drho;
-    matrix.Y2 = rho * rho * eos.d2P_drho2;
-    least = common->mat.tensile_limit > 0.0 ? -common->mat.tensile_limit : least;
-    least = rho_s < common->mat.eta_cut * common->mat.rho0 ? 0.0 : least;
-    x->done[i] = cap <= sphpa_crush_curve_lane_(shape, way, P) ? 1.0 : 0.0;
-    x->alpha[i] = cap;
-    x->P[i] = sphpa_max_(eos.P, least) * inv;
-    x->c[i] = sphpa_palpha_lane_c_(common, eos.P, eos.dP_drho, eos.dP_du, rho_s);
-    double D = (matrix.Y1 - P) * inv, gas = ((shape->Ps - P) * shape->inv_R - shape->t0) / shape->c;
+    matrix.Y = P * cap;
+    matrix.Y1 = x->Y1[i];
+    matrix.Y2 = x->Y2[i];
+    double D = (matrix.Y1 - P) / cap, gas = ((shape->Ps - P) * shape->inv_R - shape->t0) / shape->c;
     double s = sphpa_crush_meet_(shape, way, sphpa_max_(D, 0.0), cap, P);
     s = sphpa_max_(D > 0.0 ? s : gas, end);
     s = sphpa_palpha_lane_model_(shape, way, &matrix, s);
@@ -5041,7 +5070,6 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_start_(const sphpa_palpha_common_ *co
     x->lo[i] = end;
     x->hi[i] = 1.0;
     x->from[i] = cap;
-    x->Y2[i] = matrix.Y2;
 }
 
 /* The answer at `to` on the path, along the parabola around at->alpha; see sphpa_palpha_settle_ */
@@ -5050,13 +5078,14 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_settle_(const sphpa_palpha_common_ *c
                                                    const sphpa_tillotson_branch_ *eos,
                                                    const sphpa_palpha_place_ *to, double met,
                                                    sphpa_palpha_lanes_ *x, size_t i) {
-    double alpha = sphpa_clamp_(to->alpha, 1.0, x->cap[i]), d = alpha - matrix->alpha;
-    double Y = matrix->Y + d * (matrix->Y1 + 0.5 * d * matrix->Y2), P = Y / alpha, rho = x->rho[i];
+    double alpha = sphpa_clamp_(to->alpha, 1.0, x->cap[i]), inv = 1.0 / alpha;
+    double rho = x->rho[i], d = alpha - matrix->alpha, d_rho = d * rho;
+    double Y = matrix->Y + d * (matrix->Y1 + 0.5 * d * matrix->Y2), P = Y * inv;
     met = fabs(to->alpha1 * (matrix->Y1 - P)) > -to->P1 * alpha ? met : 0.0;
     x->alpha[i] = alpha;
     x->P[i] = met > 0.0 ? to->P : P;
-    x->c[i] = sphpa_palpha_lane_c_(common, Y, eos->dP_drho + d * rho * eos->d2P_drho2,
-                                   eos->dP_du + d * rho * eos->d2P_drho_du, alpha * rho);
+    x->c[i] = sphpa_palpha_lane_c_(common, Y, eos->dP_drho + d_rho * eos->d2P_drho2,
+                                   eos->dP_du + d_rho * eos->d2P_drho_du, inv * x->inv_rho[i]);
 }
 
 /* yes and no of a lane are 1 and 0: compilers make masks of these, but not of every bool */
@@ -5090,13 +5119,32 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_last_(const sphpa_palpha_common_ *c
                                                    const sphpa_palpha_lanes_ *x, size_t i) {
     double at = matrix->alpha, from = x->from[i], size = fabs(to->alpha - at);
     double before = sphpa_min_(fabs(at - from), 0.5 * at), cube = size * size * size;
-    double slope = step->H1 + step->H2 * step->ds, kink = common->mat.rho0 / x->rho[i];
+    double slope = step->H1 + step->H2 * step->ds, rho = x->rho[i], kink = common->mat.rho0;
     double low = sphpa_min_(sphpa_min_(from, at), to->alpha);
     double high = sphpa_max_(sphpa_max_(from, at), to->alpha);
     double change = fabs(matrix->Y2 - x->Y2[i]) * to->alpha1;
     double yes = 100.0 * size * cube <= small * (before * before * before) ? 1.0 : 0.0;
     yes = sphpa_palpha_and_(yes, 10.0 * change * cube <= small * slope * before);
-    return sphpa_palpha_and_(high < kink ? 1.0 : low >= kink ? 1.0 : 0.0, yes > 0.0);
+    return sphpa_palpha_and_(high * rho < kink ? 1.0 : low * rho >= kink ? 1.0 : 0.0, yes > 0.0);
+}
+
+/* *to: a second step of the parabola, from there; yes if it is a thousand times shorter than the first
+   and inside, else it is not taken */
+SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_meets_(const sphpa_crush_shape_ *shape,
+                                                    sphpa_crush_way_ way,
+                                                    const sphpa_palpha_parabola_ *matrix,
+                                                    const sphpa_palpha_place_ *at, double lo,
+                                                    double hi, sphpa_palpha_place_ *to) {
+    sphpa_palpha_step_ more = sphpa_palpha_slopes_(matrix, to);
+    more.ds = sphpa_crush_halley_lane_(more.H, more.H1, more.H2);
+    sphpa_palpha_place_ further = sphpa_palpha_on_curve_(shape, way, to->s + more.ds);
+    double shorter = 1e-3 * fabs(to->alpha - at->alpha);
+    double yes = fabs(further.alpha - to->alpha) <= shorter ? 1.0 : 0.0;
+    yes = sphpa_palpha_and_(sphpa_palpha_and_(yes, further.s > lo), further.s < hi);
+    to->s = yes > 0.0 ? further.s : to->s;
+    to->alpha = yes > 0.0 ? further.alpha : to->alpha;
+    to->P = yes > 0.0 ? further.P : to->P;
+    return yes;
 }
 
 /* One round of sphpa_palpha_close_in_ for lane i. */
@@ -5105,14 +5153,10 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_round_(const sphpa_palpha_common_ *co
                                                   size_t i) {
     const sphpa_crush_shape_ *shape = &common->shape;
     double rho = x->rho[i], s = x->s[i], next;
-    sphpa_palpha_place_ at = sphpa_palpha_on_curve_(shape, way, s), to, further;
+    sphpa_palpha_place_ at = sphpa_palpha_on_curve_(shape, way, s), to;
     sphpa_tillotson_branch_ eos = sphpa_palpha_lane_eos_(&common->mat, hot, at.alpha * rho, x->u[i]);
-    sphpa_palpha_parabola_ matrix;
-    matrix.alpha = at.alpha;
-    matrix.Y = eos.P;
-    matrix.Y1 = rho * eos.dP_drho;
-    matrix.Y2 = rho * rho * eos.d2P_drho2;
-    sphpa_palpha_step_ step = sphpa_palpha_slopes_(&matrix, &at), more;
+    sphpa_palpha_parabola_ matrix = sphpa_palpha_lane_parabola_(&eos, rho, at.alpha);
+    sphpa_palpha_step_ step = sphpa_palpha_slopes_(&matrix, &at);
     step.ds = sphpa_crush_halley_lane_(step.H, step.H1, step.H2);
     double small = sphpa_max_(common->tol, 4.0 * DBL_EPSILON * at.alpha);
     double noise = DBL_EPSILON * at.alpha * (shape->P0 - at.P1 * fabs(s));
@@ -5125,34 +5169,34 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_round_(const sphpa_palpha_common_ *co
     double tiny = sphpa_palpha_and_(fabs(step.ds) <= 1e-7 ? 1.0 : 0.0, fabs(near) <= small);
     tiny = sphpa_palpha_and_(tiny, fabs(same) + rest <= 0.0);
     double brief = sphpa_palpha_and_(inside, fabs(to.alpha - at.alpha) + fabs(same) <= small);
-    more = sphpa_palpha_slopes_(&matrix, &to);
-    more.ds = sphpa_crush_halley_lane_(more.H, more.H1, more.H2);
-    further = sphpa_palpha_on_curve_(shape, way, next + more.ds);
-    double meets = sphpa_palpha_and_(inside, fabs(further.alpha - to.alpha) <=
-                                                 1e-3 * fabs(to.alpha - at.alpha));
-    meets = sphpa_palpha_and_(sphpa_palpha_and_(meets, further.s > x->lo[i]), further.s < x->hi[i]);
-    double last = sphpa_palpha_lane_last_(common, &matrix, &step, &to, small, x, i);
+    double last = sphpa_palpha_lane_last_(common, &matrix, &step, &to, small, x, i), meets;
+    if (way == SPHPA_CRUSH_SQUARE_) {
+        last = sphpa_palpha_and_(last, sphpa_palpha_halley_good_(&matrix, &step, &at, small,
+                                                                 to.alpha - at.alpha));
+        meets = inside;
+    } else {
+        meets = sphpa_palpha_lane_meets_(shape, way, &matrix, &at, x->lo[i], x->hi[i], &to);
+        meets = sphpa_palpha_and_(meets, inside > 0.0);
+    }
     last = sphpa_palpha_and_(last, meets > 0.0);
-    to.alpha = meets > 0.0 ? further.alpha : to.alpha;
     to.alpha = tiny > 0.0 ? at.alpha + near : to.alpha;
     to.alpha = rest > 0.0 ? at.alpha : to.alpha;
-    to.P = meets > 0.0 ? further.P : to.P;
-    to.P = rest > 0.0 ? at.P : to.P;
+    to.P = rest + tiny > 0.0 ? at.P : to.P;
     sphpa_palpha_lane_settle_(common, &matrix, &eos, &to, 1.0 - closed, x, i);
     double done = sphpa_max_(sphpa_max_(rest, tiny), sphpa_max_(brief, last));
     x->done[i] = sphpa_palpha_and_(done, fabs(matrix.Y) + fabs(matrix.Y1) <= DBL_MAX);
-    x->s[i] = meets > 0.0 ? further.s : next;
+    x->s[i] = to.s;
     x->from[i] = at.alpha;
     x->Y2[i] = matrix.Y2;
 }
 
 /* The loops, once for each kind of lanes. The copy keeps the stores from touching what is shared. */
 #define SPHPA_PALPHA_LOOPS_(name, hot, way)                                                        \
-    SPHPA_NO_INLINE_ void sphpa_palpha_start_##name##_(const sphpa_palpha_common_ *shared,         \
-                                                       sphpa_palpha_lanes_ *x) {                   \
+    SPHPA_NO_INLINE_ void sphpa_palpha_ends_##name##_(const sphpa_palpha_common_ *shared,          \
+                                                      sphpa_palpha_lanes_ *x) {                    \
         const sphpa_palpha_common_ common = *shared;                                               \
         SPHPA_SIMD                                                                                 \
-        for (size_t i = 0; i < x->n; i++) sphpa_palpha_lane_start_(&common, hot, way, x, i);       \
+        for (size_t i = 0; i < x->n; i++) sphpa_palpha_lane_end_(&common, hot, way, x, i);         \
     }                                                                                              \
     SPHPA_NO_INLINE_ void sphpa_palpha_round_##name##_(const sphpa_palpha_common_ *shared,         \
                                                        sphpa_palpha_lanes_ *x) {                   \
@@ -5166,6 +5210,17 @@ SPHPA_PALPHA_LOOPS_(hot_square, true, SPHPA_CRUSH_SQUARE_)
 SPHPA_PALPHA_LOOPS_(hot_powers, true, SPHPA_CRUSH_LANES_)
 #undef SPHPA_PALPHA_LOOPS_
 
+#define SPHPA_PALPHA_LOOPS_(name, way)                                                             \
+    SPHPA_NO_INLINE_ void sphpa_palpha_guesses_##name##_(const sphpa_palpha_common_ *shared,       \
+                                                         sphpa_palpha_lanes_ *x) {                 \
+        const sphpa_palpha_common_ common = *shared;                                               \
+        SPHPA_SIMD                                                                                 \
+        for (size_t i = 0; i < x->n; i++) sphpa_palpha_lane_guess_(&common, way, x, i);            \
+    }
+SPHPA_PALPHA_LOOPS_(square, SPHPA_CRUSH_SQUARE_)
+SPHPA_PALPHA_LOOPS_(powers, SPHPA_CRUSH_LANES_)
+#undef SPHPA_PALPHA_LOOPS_
+
 /* One batch: what is given, and where the answers go. */
 typedef struct sphpa_palpha_batch_ {
     const sphpa_palpha_call_ *call;
@@ -5175,19 +5230,25 @@ typedef struct sphpa_palpha_batch_ {
     bool lanes, cold_rises; /* lanes can be used; P rises with alpha wherever u <= u_iv */
 } sphpa_palpha_batch_;
 
+/* The answers of a block: its states are [first, first + n), those of `alone` are not for lanes. */
+typedef struct sphpa_palpha_block_ {
+    size_t first, n, alone_n, alone[SPHPA_LANES_];
+    int spent[SPHPA_LANES_]; /* evaluations that lanes spent on a state of `alone` */
+    double alpha[SPHPA_LANES_], P[SPHPA_LANES_], c[SPHPA_LANES_];
+} sphpa_palpha_block_;
+
 SPHPA_PRIVATE_ void sphpa_palpha_stats_clear_(sphpa_palpha_stats *stats, size_t n) {
     stats->failed = stats->evaluations = stats->fell_back = 0;
     stats->first_failed = n;
     stats->evaluations_max = 0;
 }
 
-/* the scalar solver for one state, with what lanes have spent on it already */
+/* the scalar solver for state i, with what lanes have spent on it already */
 SPHPA_PRIVATE_ sphpa_result sphpa_palpha_batch_one_(const sphpa_palpha_batch_ *batch, size_t i,
-                                                    double alpha_old, int spent,
-                                                    sphpa_palpha_stats *stats) {
+                                                    int spent, sphpa_palpha_stats *stats) {
     sphpa_palpha_solution state;
     sphpa_result result = sphpa_palpha_one_(batch->call, &batch->common.mat, batch->rho[i],
-                                            batch->u[i], alpha_old, &state);
+                                            batch->u[i], batch->alpha_old[i], &state);
     if (stats->status != NULL) stats->status[i] = (unsigned char)result;
     if (result != SPHPA_OK) {
         stats->failed++;
@@ -5205,40 +5266,28 @@ SPHPA_PRIVATE_ sphpa_result sphpa_palpha_batch_one_(const sphpa_palpha_batch_ *b
     return result;
 }
 
-/* writes lane i's answer, after `spent` evaluations */
-SPHPA_FORCE_INLINE_ void sphpa_palpha_batch_emit_(const sphpa_palpha_batch_ *batch,
-                                                  const sphpa_palpha_lanes_ *x, size_t i,
-                                                  sphpa_palpha_stats *stats) {
-    size_t k = x->id[i];
-    batch->alpha[k] = x->alpha[i];
-    batch->P[k] = x->P[i];
-    if (stats->c != NULL) stats->c[k] = x->c[i];
-    if (stats->status != NULL) stats->status[k] = (unsigned char)SPHPA_OK;
-    if (stats->residual != NULL) {
-        double slope, on = sphpa_crush_curve_(&batch->common.shape, SPHPA_CRUSH_ANY_, x->P[i],
-                                              &slope);
-        stats->residual[k] = x->alpha[i] - sphpa_min_(on, x->cap[i]);
-    }
-}
-
-/* hands out the lanes that are done and closes the ranks */
-SPHPA_PRIVATE_ void sphpa_palpha_batch_gather_(const sphpa_palpha_batch_ *batch,
-                                               sphpa_palpha_lanes_ *x, int spent,
-                                               sphpa_palpha_stats *stats) {
+/* takes the answers of the lanes that are done and closes the ranks */
+SPHPA_PRIVATE_ void sphpa_palpha_batch_gather_(sphpa_palpha_block_ *block, sphpa_palpha_lanes_ *x,
+                                               int spent, sphpa_palpha_stats *stats) {
     size_t left = 0;
     for (size_t i = 0; i < x->n; i++) {
+        size_t id = x->id[i];
         if (x->done[i] > 0.0) {
-            sphpa_palpha_batch_emit_(batch, x, i, stats);
+            block->alpha[id] = x->alpha[i];
+            block->P[id] = x->P[i];
+            block->c[id] = x->c[i];
             continue;
         }
-        x->id[left] = x->id[i];
+        x->id[left] = id;
         x->rho[left] = x->rho[i];
         x->u[left] = x->u[i];
         x->cap[left] = x->cap[i];
+        x->inv_rho[left] = x->inv_rho[i];
         x->s[left] = x->s[i];
         x->lo[left] = x->lo[i];
         x->hi[left] = x->hi[i];
         x->from[left] = x->from[i];
+        x->Y1[left] = x->Y1[i];
         x->Y2[left++] = x->Y2[i];
     }
     stats->evaluations += (size_t)spent * (x->n - left);
@@ -5246,27 +5295,59 @@ SPHPA_PRIVATE_ void sphpa_palpha_batch_gather_(const sphpa_palpha_batch_ *batch,
     x->n = left;
 }
 
-SPHPA_PRIVATE_ sphpa_result sphpa_palpha_batch_lanes_(const sphpa_palpha_batch_ *batch, bool hot,
-                                                      sphpa_palpha_lanes_ *x,
-                                                      sphpa_palpha_stats *stats) {
-    const sphpa_palpha_common_ *common = &batch->common;
+/* All rounds of one kind of lanes; what does not come to rest is left to the scalar solver. */
+SPHPA_PRIVATE_ void sphpa_palpha_batch_lanes_(const sphpa_palpha_common_ *common, bool hot,
+                                              sphpa_palpha_block_ *block, sphpa_palpha_lanes_ *x,
+                                              sphpa_palpha_stats *stats) {
     bool square = common->shape.way == SPHPA_CRUSH_SQUARE_;
-    sphpa_result worst = SPHPA_OK;
-    int spent = 0;
+    int spent = 1;
+    if (x->n == 0) return;
+    if (hot && square) sphpa_palpha_ends_hot_square_(common, x);
+    else if (hot) sphpa_palpha_ends_hot_powers_(common, x);
+    else if (square) sphpa_palpha_ends_cold_square_(common, x);
+    else sphpa_palpha_ends_cold_powers_(common, x);
+    sphpa_palpha_batch_gather_(block, x, spent, stats);
+    if (square) sphpa_palpha_guesses_square_(common, x);
+    else sphpa_palpha_guesses_powers_(common, x);
     for (; spent <= SPHPA_LANES_ROUNDS_ && x->n > 0; spent++) {
-        if (spent == 0 && hot && square) sphpa_palpha_start_hot_square_(common, x);
-        else if (spent == 0 && hot) sphpa_palpha_start_hot_powers_(common, x);
-        else if (spent == 0 && square) sphpa_palpha_start_cold_square_(common, x);
-        else if (spent == 0) sphpa_palpha_start_cold_powers_(common, x);
-        else if (hot && square) sphpa_palpha_round_hot_square_(common, x);
+        if (hot && square) sphpa_palpha_round_hot_square_(common, x);
         else if (hot) sphpa_palpha_round_hot_powers_(common, x);
         else if (square) sphpa_palpha_round_cold_square_(common, x);
         else sphpa_palpha_round_cold_powers_(common, x);
-        sphpa_palpha_batch_gather_(batch, x, spent + 1, stats);
+        sphpa_palpha_batch_gather_(block, x, spent + 1, stats);
     }
     for (size_t i = 0; i < x->n; i++) {
-        sphpa_result result =
-            sphpa_palpha_batch_one_(batch, x->id[i], x->cap[i], spent, stats);
+        block->spent[block->alone_n] = spent;
+        block->alone[block->alone_n++] = x->id[i];
+    }
+}
+
+/* Hands out a block's answers. alone's come last, and alpha_old of these is still what it was: alpha
+   may lie on top of it. */
+SPHPA_PRIVATE_ sphpa_result sphpa_palpha_batch_deliver_(const sphpa_palpha_batch_ *batch,
+                                                        const sphpa_palpha_block_ *block,
+                                                        sphpa_palpha_stats *stats) {
+    sphpa_result worst = SPHPA_OK;
+    unsigned char by_lane[SPHPA_LANES_];
+    memset(by_lane, 1, sizeof by_lane);
+    for (size_t k = 0; k < block->alone_n; k++) by_lane[block->alone[k]] = 0;
+    for (size_t k = 0; k < block->n; k++) {
+        size_t i = block->first + k;
+        if (by_lane[k] == 0) continue;
+        if (stats->residual != NULL) {
+            double slope, cap = batch->alpha_old[i];
+            double on = sphpa_crush_curve_(&batch->common.shape, SPHPA_CRUSH_ANY_, block->P[k],
+                                           &slope);
+            stats->residual[i] = block->alpha[k] - sphpa_min_(on, cap);
+        }
+        batch->alpha[i] = block->alpha[k];
+        batch->P[i] = block->P[k];
+        if (stats->c != NULL) stats->c[i] = block->c[k];
+        if (stats->status != NULL) stats->status[i] = (unsigned char)SPHPA_OK;
+    }
+    for (size_t k = 0; k < block->alone_n; k++) {
+        sphpa_result result = sphpa_palpha_batch_one_(batch, block->first + block->alone[k],
+                                                      block->spent[k], stats);
         if (result > worst) worst = result;
     }
     return worst;
@@ -5282,31 +5363,32 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_batch_plain_(const sphpa_palpha_batch_ *ba
     return (batch->cold_rises && u <= mat->u_iv) || sphpa_palpha_rising_(mat, rho, u) <= 1.0;
 }
 
-/* the states [first, last), at most SPHPA_LANES_ of them */
+/* the states [first, first + n), n at most SPHPA_LANES_ */
 SPHPA_PRIVATE_ sphpa_result sphpa_palpha_batch_block_(const sphpa_palpha_batch_ *batch,
-                                                      size_t first, size_t last,
+                                                      size_t first, size_t n,
                                                       sphpa_palpha_stats *stats) {
     sphpa_palpha_lanes_ lanes[2]; /* cold, hot */
-    sphpa_result worst = SPHPA_OK, result;
-    lanes[0].n = lanes[1].n = 0;
-    for (size_t i = first; i < last; i++) {
-        double rho = batch->rho[i], u = batch->u[i], alpha_old = batch->alpha_old[i];
+    sphpa_palpha_block_ block;
+    block.first = first;
+    block.n = n;
+    block.alone_n = lanes[0].n = lanes[1].n = 0;
+    for (size_t k = 0; k < n; k++) {
+        double rho = batch->rho[first + k], u = batch->u[first + k];
+        double alpha_old = batch->alpha_old[first + k];
         if (!sphpa_palpha_batch_plain_(batch, rho, u, alpha_old)) {
-            result = sphpa_palpha_batch_one_(batch, i, alpha_old, 0, stats);
-            if (result > worst) worst = result;
+            block.spent[block.alone_n] = 0;
+            block.alone[block.alone_n++] = k;
             continue;
         }
         sphpa_palpha_lanes_ *x = &lanes[u > batch->common.mat.u_iv];
-        x->id[x->n] = i;
+        x->id[x->n] = k;
         x->rho[x->n] = rho;
         x->u[x->n] = u;
         x->cap[x->n++] = alpha_old;
     }
-    for (int hot = 0; hot < 2; hot++) {
-        result = sphpa_palpha_batch_lanes_(batch, hot != 0, &lanes[hot], stats);
-        if (result > worst) worst = result;
-    }
-    return worst;
+    sphpa_palpha_batch_lanes_(&batch->common, false, &block, &lanes[0], stats);
+    sphpa_palpha_batch_lanes_(&batch->common, true, &block, &lanes[1], stats);
+    return sphpa_palpha_batch_deliver_(batch, &block, stats);
 }
 
 /* adds up what the blocks have counted; the arrays are the caller's */
@@ -5328,10 +5410,10 @@ SPHPA_PRIVATE_ sphpa_result sphpa_palpha_batch_run_(const sphpa_palpha_batch_ *b
     SPHPA_OMP(parallel for schedule(static) if(blocks >= 32))
     for (long long b = 0; b < blocks; b++) {
         size_t first = (size_t)b * SPHPA_LANES_;
-        size_t last = n - first > SPHPA_LANES_ ? first + SPHPA_LANES_ : n;
+        size_t count = n - first < SPHPA_LANES_ ? n - first : SPHPA_LANES_;
         sphpa_palpha_stats mine = *stats;
         sphpa_palpha_stats_clear_(&mine, n);
-        sphpa_result result = sphpa_palpha_batch_block_(batch, first, last, &mine);
+        sphpa_result result = sphpa_palpha_batch_block_(batch, first, count, &mine);
         SPHPA_OMP(critical(sphpa_palpha_batch))
         {
             sphpa_palpha_stats_add_(stats, &mine);

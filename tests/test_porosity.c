@@ -1048,6 +1048,13 @@ static void test_batch(void **unused) {
             }
             evaluations += (size_t)s.evaluations;
             if (s.evaluations > most) most = s.evaluations;
+            if (v == SPHPA_PALPHA_CRUSH_SPACE) { /* by lanes: to the tolerance */
+                assert_near_abs(alpha[i], s.alpha, 2e-12);
+                assert_near_abs(P[i], s.P, 1e-10 * fabs(s.P) + 2e-12 * mat.A);
+                assert_near(c[i], s.c, 1e-7);
+                assert_near_abs(residual[i], 0.0, fmax(2.0 * fabs(s.residual), 1e-11));
+                continue;
+            }
             assert_memory_equal(&alpha[i], &s.alpha, sizeof s.alpha);
             assert_memory_equal(&P[i], &s.P, sizeof s.P);
             assert_memory_equal(&c[i], &s.c, sizeof s.c);
@@ -1055,7 +1062,12 @@ static void test_batch(void **unused) {
         }
         assert_true(stats.failed == failed && stats.first_failed == first);
         assert_true(v == SPHPA_PALPHA_NEWTON ? failed > 3 : failed == 3);
-        assert_true(stats.evaluations == evaluations && stats.evaluations_max == most);
+        if (v == SPHPA_PALPHA_CRUSH_SPACE) {
+            assert_true(stats.evaluations <= evaluations + evaluations / 5);
+            assert_true(stats.evaluations_max >= 2 && stats.evaluations_max <= 40);
+        } else {
+            assert_true(stats.evaluations == evaluations && stats.evaluations_max == most);
+        }
         check_in_place((sphpa_palpha_solver)v, &mat, &curve, rho, u, alpha_old, alpha, P);
     }
     assert_int_equal(sphpa_palpha_solve_batch(SPHPA_PALPHA_CRUSH_SPACE, &mat, &curve, 0, NULL, NULL,
