@@ -708,8 +708,13 @@ typedef struct sphpa_palpha_stats {
 /* Solves eq. 4 for one state: rho [kg/m3] of the bulk > 0, u [J/kg] >= 0, alpha_old in [1, alpha0]
    (4 ulp outside are clamped). FLAT: alpha <= alpha_old. HERRMANN: alpha_old is the least alpha
    that was reached, alpha may come back above it; commit min(alpha_old, alpha) with either.
-   Where several roots exist CRUSH_SPACE returns the largest (it scans inward from the top unless a
-   bound on the equation of state shows that there is one only); the others may meet any.
+   All look at both ends first. CRUSH_SPACE then steps along the curve, not along alpha: the matrix is
+   made a parabola in alpha (with its exact second derivative), and where that meets the curve is the
+   next place to evaluate: third order, without a kink. It stops when what the last two steps left
+   over shows that a further one would move alpha by less than tol. Where several roots exist it
+   returns the largest: from the alpha down below which P may fall with alpha it looks through places
+   so dense that the polynomials through values and two derivatives tell where H > 0; the others may
+   meet any root.
    Errors: _MISSING (NULL, unprepared HERRMANN), _CURVE, _MATERIAL, _RANGE (tol, solver),
    _NEGATIVE, _NOT_FINITE, _ALPHA: *out untouched. _NOT_CONVERGED: *out holds the best value. */
 SPHPA_DEF sphpa_result sphpa_palpha_solve(sphpa_palpha_solver solver, const sphpa_tillotson *mat,
@@ -723,10 +728,12 @@ SPHPA_DEF sphpa_result sphpa_palpha_solve_eos(sphpa_palpha_solver solver, const 
                                               double alpha_old, const sphpa_palpha_options *opt,
                                               sphpa_palpha_solution *out);
 
-/* n states; rho, u, alpha_old, alpha, P are arrays of n; alpha may be alpha_old itself (FLAT). Bit
-   for bit what sphpa_palpha_solve gives. Every state is processed; the result is the gravest of
-   them. A failed state's alpha and P stay untouched unless it is _NOT_CONVERGED. stats may be
-   NULL. An error of the curve, material or options is returned before any state is touched. */
+/* n states; rho, u, alpha_old, alpha, P are arrays of n; alpha may be alpha_old itself (FLAT). What
+   sphpa_palpha_solve gives: to the tolerance for CRUSH_SPACE, which solves states side by side in
+   SIMD, bit for bit for the others. A state's answer does not depend on those beside it, nor on the
+   number of threads (OpenMP: for 4096 states or more). Every state is processed; the result is the
+   gravest of them. A failed state's alpha and P stay untouched unless it is _NOT_CONVERGED. stats
+   may be NULL. An error of the curve, material or options is returned before any state is touched. */
 SPHPA_DEF sphpa_result sphpa_palpha_solve_batch(sphpa_palpha_solver solver,
                                                 const sphpa_tillotson *mat,
                                                 const sphpa_crush *curve, size_t n,
@@ -4764,16 +4771,17 @@ SPHPA_PRIVATE_ double sphpa_palpha_rising_any_(const sphpa_eos *eos) {
     return HUGE_VAL;
 }
 
-/* the same ranges as sphpa_tillotson_check, without the words: NaN fails each */
-SPHPA_PRIVATE_ bool sphpa_palpha_material_ok_(const sphpa_tillotson *mat) {
-    const double big = DBL_MAX;
-    return mat->rho0 > 0.0 && mat->A > 0.0 && mat->E0 > 0.0 && mat->u_iv >= 0.0 &&
-           mat->u_cv > mat->u_iv && mat->a >= 0.0 && mat->b >= 0.0 && mat->alpha >= 0.0 &&
-           mat->beta >= 0.0 && mat->c2_floor >= 0.0 && mat->tensile_limit >= 0.0 &&
-           mat->eta_cut >= 0.0 && fabs(mat->B) <= big && mat->c2_floor <= 1.0 &&
-           mat->eta_cut <= 1.0 && mat->rho0 <= big && mat->A <= big && mat->E0 <= big &&
-           mat->u_cv <= big && mat->a <= big && mat->b <= big && mat->alpha <= big &&
-           mat->beta <= big && mat->tensile_limit <= big;
+/* the same ranges as sphpa_tillotson_check, without the words; every solve asks, so in few
+   instructions: what is not finite spoils the sum */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_material_ok_(const sphpa_tillotson *mat) {
+    double sum = (mat->rho0 + mat->A + mat->B + mat->E0) + (mat->u_cv + mat->a + mat->b) +
+                 (mat->alpha + mat->beta + mat->tensile_limit);
+    double least = sphpa_min_(sphpa_min_(sphpa_min_(mat->u_iv, mat->a), sphpa_min_(mat->b, mat->alpha)),
+                              sphpa_min_(sphpa_min_(mat->beta, mat->tensile_limit),
+                                         sphpa_min_(mat->c2_floor, mat->eta_cut)));
+    return sphpa_finite_(sum) && least >= 0.0 && mat->rho0 > 0.0 && mat->A > 0.0 &&
+           mat->E0 > 0.0 && mat->u_iv >= 0.0 && mat->u_cv > mat->u_iv && mat->c2_floor >= 0.0 &&
+           mat->c2_floor <= 1.0 && mat->eta_cut >= 0.0 && mat->eta_cut <= 1.0;
 }
 
 /* what a call brings besides states; shape and options once a batch */
