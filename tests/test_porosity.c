@@ -991,6 +991,62 @@ static void test_any_eos(void **unused) {
                                             &s), SPHPA_ERROR_MISSING);
 }
 
+/* A state's answer does not depend on what is beside it, on its place, or on the number of threads:
+   to the last bit, lanes and leftovers alike; and it is right wherever the scalar solver is. */
+static void check_lanes(const sphpa_tillotson *mat, const sphpa_crush *curve, uint64_t seed) {
+    enum { MANY = 6000 };
+    static double rho[MANY], u[MANY], alpha_old[MANY], alpha[MANY], P[MANY], c[MANY];
+    sphpa_rng rng = sphpa_rng_seed(seed, 8);
+    for (int i = 0; i < MANY; i++) {
+        state s = draw_state(&rng, mat, curve->alpha0);
+        rho[i] = s.rho;
+        u[i] = s.u;
+        alpha_old[i] = s.alpha_old;
+    }
+    sphpa_palpha_stats stats;
+    memset(&stats, 0, sizeof stats);
+    stats.c = c;
+    const sphpa_palpha_solver fast = SPHPA_PALPHA_CRUSH_SPACE;
+    assert_int_equal(sphpa_palpha_solve_batch(fast, mat, curve, MANY, rho, u, alpha_old, NULL, alpha,
+                                              P, &stats), SPHPA_OK);
+    int crushed = 0;
+    for (int i = 0; i < MANY; i++) {
+        double alone[3];
+        sphpa_palpha_solution s;
+        memset(&stats, 0, sizeof stats);
+        stats.c = &alone[2];
+        assert_int_equal(sphpa_palpha_solve_batch(fast, mat, curve, 1, &rho[i], &u[i], &alpha_old[i],
+                                                  NULL, &alone[0], &alone[1], &stats), SPHPA_OK);
+        assert_true(alone[0] == alpha[i] && alone[1] == P[i] && alone[2] == c[i]);
+        assert_int_equal(sphpa_palpha_solve(fast, mat, curve, rho[i], u[i], alpha_old[i], NULL, &s),
+                         SPHPA_OK);
+        ref_state ref = ref_make(mat, curve, rho[i], u[i], alpha_old[i]);
+        if (fabs(s.alpha - alpha[i]) > 1e-12) assert_true(ref_root_near(&ref, L(alpha[i])));
+        if (!(s.alpha < alpha_old[i])) assert_true(alpha[i] == alpha_old[i]); /* every bit of it */
+        assert_near_abs(P[i], s.P, 1e-14 * fabs(s.P) + 2e-12 * (mat->A + 4.0 * rho[i] * u[i]));
+        crushed += s.alpha < alpha_old[i] && s.alpha > 1.0;
+    }
+    assert_true(crushed > MANY / 20);
+}
+
+static void test_lanes(void **unused) {
+    (void)unused;
+    sphpa_crush quadratic = sphpa_crush_quadratic(3.3, 1e6, 2.13e8), pumice = sphpa_crush_pumice();
+    sphpa_crush single = sphpa_crush_pumice(), straight = sphpa_crush_pumice();
+    single.alpha_t = single.alpha_e; /* the second term alone, with its exponent 3 */
+    single.Pt = single.Pe;
+    straight.n1 = 1.0; /* a kink at Pt */
+    const char *const names[] = {"pumice", "ice", "aluminium", "water"};
+    for (int k = 0; k < 4; k++) {
+        sphpa_tillotson mat = material(names[k]);
+        if (k == 3) mat.zero_B_expanded = 0; /* mostly left to the scalar solver */
+        check_lanes(&mat, &quadratic, 100 + (uint64_t)k);
+        check_lanes(&mat, &pumice, 200 + (uint64_t)k);
+        check_lanes(&mat, &single, 300 + (uint64_t)k);
+        check_lanes(&mat, &straight, 400 + (uint64_t)k);
+    }
+}
+
 enum { BATCH = 997 };
 
 /* alpha on top of alpha_old, and no statistics; -7 marks states that fail */
@@ -1356,6 +1412,7 @@ int main(void) {
         cmocka_unit_test(test_errors),
         cmocka_unit_test(test_any_eos),
         cmocka_unit_test(test_batch),
+        cmocka_unit_test(test_lanes),
         cmocka_unit_test(test_sound_floor),
         cmocka_unit_test(test_loading_derivatives),
         cmocka_unit_test(test_evolution),
