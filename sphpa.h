@@ -3506,7 +3506,7 @@ SPHPA_DEF sphpa_crush sphpa_crush_porous_aluminium(void) {
 
 /* the fit's own alpha_e */
 SPHPA_FORCE_INLINE_ double sphpa_crush_alpha_e_(const sphpa_crush *curve) {
-    return curve->alpha_e > 0.0 || curve->alpha_e < 0.0 ? curve->alpha_e : curve->alpha0;
+    return curve->alpha_e == 0.0 ? curve->alpha0 : curve->alpha_e; /* NaN stays NaN */
 }
 
 SPHPA_PRIVATE_ sphpa_result sphpa_crush_check_two_exponent_(const sphpa_crush *curve,
@@ -3577,6 +3577,9 @@ SPHPA_PRIVATE_ sphpa_result sphpa_crush_check_fields_(const sphpa_crush *curve, 
     if (curve->elastic != SPHPA_CRUSH_FLAT && curve->elastic != SPHPA_CRUSH_HERRMANN)
         return sphpa_error_set(err, SPHPA_ERROR_CURVE, "crush curve: no elastic branch %d",
                                (int)curve->elastic);
+    if (curve->elastic == SPHPA_CRUSH_HERRMANN && !sphpa_finite_(curve->c_e))
+        return sphpa_error_set(err, SPHPA_ERROR_NOT_FINITE,
+                               "crush curve: c_e %g is not finite; 0 takes c_s/2", curve->c_e);
     if (curve->kind == SPHPA_CRUSH_QUADRATIC) return SPHPA_OK;
     if (curve->kind == SPHPA_CRUSH_TWO_EXPONENT)
         return sphpa_crush_check_two_exponent_(curve, err);
@@ -4031,10 +4034,9 @@ SPHPA_DEF sphpa_result sphpa_crush_prepare(sphpa_crush *curve, double rho0, doub
     sphpa_result result = sphpa_crush_check(curve, err);
     if (result != SPHPA_OK) return result;
     if (curve->elastic != SPHPA_CRUSH_HERRMANN || !(curve->alpha0 > 1.0)) return SPHPA_OK;
-    if (!sphpa_finite_(rho0) || !sphpa_finite_(c_s) || !sphpa_finite_(curve->c_e))
+    if (!sphpa_finite_(rho0) || !sphpa_finite_(c_s))
         return sphpa_error_set(err, SPHPA_ERROR_NOT_FINITE,
-                               "crush curve: rho0 %g, c_s %g or c_e %g is not finite", rho0, c_s,
-                               curve->c_e);
+                               "crush curve: rho0 %g or c_s %g is not finite", rho0, c_s);
     if (!(rho0 > 0.0 && c_s > 0.0))
         return sphpa_error_set(err, SPHPA_ERROR_NEGATIVE,
                                "crush curve: rho0 %g and c_s %g must be positive", rho0, c_s);
@@ -4060,6 +4062,14 @@ SPHPA_DEF sphpa_result sphpa_crush_prepare(sphpa_crush *curve, double rho0, doub
                                ready.alpha_y, curve->alpha_t);
     *curve = ready;
     return SPHPA_OK;
+}
+
+/* has a HERRMANN curve what sphpa_crush_prepare writes? */
+SPHPA_PRIVATE_ bool sphpa_crush_prepared_(const sphpa_crush *curve) {
+    if (curve->elastic != SPHPA_CRUSH_HERRMANN || !(curve->alpha0 > 1.0)) return true;
+    return curve->alpha_y > 1.0 && curve->alpha_y <= curve->alpha0 && curve->K0 > 0.0 &&
+           curve->K0 <= DBL_MAX && curve->c_s > 0.0 && curve->c_s <= DBL_MAX &&
+           curve->c_e >= 0.0 && curve->c_e < curve->c_s;
 }
 
 /* ---- one evaluation -------------------------------------------------------------------------- */
@@ -4230,19 +4240,30 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_newton_(sphpa_palpha_eval_ eval, sphpa_cru
 
 /* Newton that keeps [a, b] around the root: (1) [a, b] = [1, alpha_old], start at alpha_old;
    (2) F > 0: b = alpha, F < 0: a = alpha; (3) Newton's step; (4) outside (a, b) take the middle;
-   (5) not converged within the allowed iterations: bisection. */
+   (5) not converged within the allowed iterations: bisection.
+   Converged is a bracket no wider than the tolerance. A short step is not enough: where the curve
+   touches alpha = 1 with a high power Newton creeps. So no step is shorter than half the tolerance,
+   which is past the root once Newton has come near and brings the bracket's far end up (Brent). */
 SPHPA_FORCE_INLINE_ void sphpa_palpha_safe_newton_(sphpa_palpha_eval_ eval, sphpa_crush_way_ way,
                                                    sphpa_palpha_task_ *task,
                                                    sphpa_palpha_point_ *point) {
     double a = 1.0, b = task->cap;
+    sphpa_palpha_point_ last = *point;
     for (int k = 0; k < task->max_iterations; k++) {
         task->iterations++;
         if (point->F == 0.0) return;
         if (point->F > 0.0) b = point->alpha;
         else a = point->alpha;
-        double next = point->alpha - point->F / sphpa_palpha_dF_(task, point);
         double small = sphpa_palpha_small_(task, point->alpha);
-        if (fabs(next - point->alpha) <= small || b - a <= small) return;
+        if (b - a <= small) {
+            bool ends = (last.F > 0.0) != (point->F > 0.0); /* the two are a and b */
+            if (ends && fabs(last.F) < fabs(point->F)) *point = last;
+            return;
+        }
+        last = *point;
+        double step = -point->F / sphpa_palpha_dF_(task, point);
+        if (fabs(step) < 0.5 * small) step = copysign(0.5 * small, step);
+        double next = point->alpha + step;
         if (!(next > a && next < b)) next = 0.5 * (a + b);
         if (!sphpa_palpha_at_(eval, way, task, next, point)) return;
     }
@@ -4799,9 +4820,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_palpha_open_(sphpa_palpha_solver solver, const
     if ((int)solver < 0 || (int)solver >= (int)SPHPA_PALPHA_SOLVER_COUNT) return SPHPA_ERROR_RANGE;
     sphpa_result result = sphpa_crush_check_fields_(curve, NULL);
     if (result != SPHPA_OK) return result;
-    if (curve->elastic == SPHPA_CRUSH_HERRMANN && curve->alpha0 > 1.0 &&
-        !(curve->alpha_y > 1.0 && curve->alpha_y <= curve->alpha0 && curve->K0 > 0.0))
-        return SPHPA_ERROR_MISSING;
+    if (!sphpa_crush_prepared_(curve)) return SPHPA_ERROR_MISSING;
     call->solver = solver;
     call->tol = 1e-12;
     call->max_iterations = 100;
@@ -4851,12 +4870,24 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_floor2_(const sphpa_tillotson *mat) {
     return (mat->c2_floor > 0.0 ? mat->c2_floor : 0.01) * mat->A / mat->rho0;
 }
 
+#define SPHPA_PALPHA_THIN_ 1e-280 /* [kg/m3] */
+
 /* the adiabatic speed in the matrix, floored */
 SPHPA_FORCE_INLINE_ double sphpa_palpha_c_(const sphpa_palpha_matrix_ *matrix, double rho_s,
                                            double floor2) {
     double inv_rho = 1.0 / rho_s;
     if (matrix->c >= 0.0) return matrix->c;
     return sqrt(sphpa_max_(matrix->d1 + (matrix->P * inv_rho) * (matrix->dP_du * inv_rho), floor2));
+}
+
+/* The same next to the least number, where P and dP/du lose their digits: all that is left there is
+   a gas, whose speed does not depend on its density. */
+SPHPA_NO_INLINE_ double sphpa_palpha_c_thin_(sphpa_palpha_eval_ eval,
+                                             const sphpa_palpha_task_ *task,
+                                             const sphpa_palpha_matrix_ *matrix) {
+    sphpa_palpha_matrix_ denser = *matrix;
+    if (matrix->c < 0.0) (void)eval(task->material, SPHPA_PALPHA_THIN_, task->u, &denser);
+    return sphpa_palpha_c_(&denser, SPHPA_PALPHA_THIN_, task->floor2);
 }
 
 SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_run_(sphpa_palpha_eval_ eval,
@@ -4874,7 +4905,9 @@ SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_run_(sphpa_palpha_eval_ eval,
     if (task->result != SPHPA_OK && task->result != SPHPA_ERROR_NOT_CONVERGED) return task->result;
     out->alpha = point.alpha;
     out->P = point.P;
-    out->c = sphpa_palpha_c_(&point.matrix, point.alpha * task->rho, task->floor2);
+    double rho_s = point.alpha * task->rho;
+    out->c = rho_s < SPHPA_PALPHA_THIN_ ? sphpa_palpha_c_thin_(eval, task, &point.matrix)
+                                        : sphpa_palpha_c_(&point.matrix, rho_s, task->floor2);
     out->residual = point.F;
     out->evaluations = task->evaluations;
     out->iterations = task->iterations;

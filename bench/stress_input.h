@@ -34,7 +34,13 @@ static const char *input_spoil_state(sphpa_rng *rng, stress_state *s, double alp
 /* one of the curve's values, of a curve with alpha0 > 1 */
 static const char *input_spoil_curve(sphpa_rng *rng, sphpa_crush *k) {
     double *all[8] = {&k->alpha0, &k->Pe, &k->Ps, &k->Pt, &k->alpha_t, &k->n1, &k->n2, &k->alpha_e};
+    double *line[4] = {&k->c_e, &k->c_s, &k->K0, &k->alpha_y};
     bool two = k->kind == SPHPA_CRUSH_TWO_EXPONENT;
+    if (k->elastic == SPHPA_CRUSH_HERRMANN && sphpa_rng_below(rng, 2) == 0) {
+        uint32_t field = sphpa_rng_below(rng, 4);
+        *line[field] = input_not_finite(rng);
+        return "a value of the elastic line that is not finite";
+    }
     if (sphpa_rng_below(rng, 4) == 0) {
         uint32_t field = sphpa_rng_below(rng, two ? 8 : 3); /* drawn first on every compiler */
         *all[field] = input_not_finite(rng);
