@@ -3629,13 +3629,11 @@ SPHPA_FORCE_INLINE_ sphpa_crush_power_ sphpa_crush_power_of_(double x, double n,
 
 /* for whole exponents, without a branch that depends on x */
 SPHPA_FORCE_INLINE_ sphpa_crush_power_ sphpa_crush_power_lane_(double x, double n, int m) {
-    double y = 1.0, square = x;
-    int bits = m > 0 ? m - 1 : 0;
+    double x2 = x * x, x4 = x2 * x2, x8 = x4 * x4, x16 = x8 * x8, x32 = x16 * x16;
+    int bits = m > 0 ? m - 1 : 0; /* below 64; of the call, not of the lane */
+    double y = (bits & 1 ? x : 1.0) * (bits & 2 ? x2 : 1.0) * (bits & 4 ? x4 : 1.0) *
+               (bits & 8 ? x8 : 1.0) * (bits & 16 ? x16 : 1.0) * (bits & 32 ? x32 : 1.0);
     sphpa_crush_power_ out;
-    for (int k = 0; k < 6; k++) {
-        y = (bits >> k & 1) != 0 ? y * square : y;
-        square *= square;
-    }
     out.d2 = m > 0 ? n * (n - 1.0) * y : 0.0;
     y = m > 0 ? y * x : 1.0;
     out.d1 = n * y;
@@ -4697,9 +4695,31 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_scan_(sphpa_palpha_eval_ eval, sphpa_palph
     return false;
 }
 
+/* out of line, once an equation of state: few states come here */
+SPHPA_NO_INLINE_ bool sphpa_palpha_scan_tillotson_(sphpa_palpha_task_ *task,
+                                                   sphpa_palpha_knot_ above,
+                                                   sphpa_palpha_bracket_ *in, double *s,
+                                                   sphpa_palpha_point_ *point) {
+    return sphpa_palpha_scan_(sphpa_palpha_eval_tillotson_, task, above, in, s, point);
+}
+
+SPHPA_NO_INLINE_ bool sphpa_palpha_scan_any_(sphpa_palpha_task_ *task, sphpa_palpha_knot_ above,
+                                             sphpa_palpha_bracket_ *in, double *s,
+                                             sphpa_palpha_point_ *point) {
+    return sphpa_palpha_scan_(sphpa_palpha_eval_any_, task, above, in, s, point);
+}
+
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_search_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
+                                              sphpa_palpha_knot_ above, sphpa_palpha_bracket_ *in,
+                                              double *s, sphpa_palpha_point_ *point) {
+    return eval == sphpa_palpha_eval_tillotson_
+               ? sphpa_palpha_scan_tillotson_(task, above, in, s, point)
+               : sphpa_palpha_scan_any_(task, above, in, s, point);
+}
+
 /* HERRMANN, F(alpha_old at rest) > 0: is the root on the elastic line? Its lower end tells, where P
    rises with alpha; else the line is searched first. False: go on with the curve, or it failed. */
-SPHPA_NO_INLINE_ bool sphpa_palpha_line_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_line_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
                                          sphpa_palpha_bracket_ *in, double *s,
                                          sphpa_palpha_point_ *point) {
     sphpa_palpha_knot_ foot, end;
@@ -4710,7 +4730,7 @@ SPHPA_NO_INLINE_ bool sphpa_palpha_line_(sphpa_palpha_eval_ eval, sphpa_palpha_t
     in->lo = 0.0;
     in->alpha_lo = task->alpha_y;
     if (task->rising > task->alpha_y) {
-        if (sphpa_palpha_scan_(eval, task, foot, in, s, point)) return true;
+        if (sphpa_palpha_search_(eval, task, foot, in, s, point)) return true;
     } else if (sphpa_palpha_knot_at_(eval, task, 0.0, point, &end) && end.step.H <= 0.0) {
         return sphpa_palpha_found_(&end, &foot, in, s, point);
     }
@@ -4718,42 +4738,44 @@ SPHPA_NO_INLINE_ bool sphpa_palpha_line_(sphpa_palpha_eval_ eval, sphpa_palpha_t
     return false;
 }
 
+/* F(alpha_old) > 0: the bracket, and *s where to begin. False: *point is the answer, or it failed. */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_locate_(sphpa_palpha_eval_ eval, sphpa_crush_way_ way,
+                                              sphpa_palpha_task_ *task, sphpa_palpha_bracket_ *in,
+                                              double *s, sphpa_palpha_point_ *point) {
+    if (way == SPHPA_CRUSH_ANY_ && task->shape->herrmann) {
+        if (sphpa_palpha_line_(eval, task, in, s, point)) return true;
+        if (task->result != SPHPA_OK) return false;
+        if (!sphpa_palpha_at_(eval, way, task, task->alpha_y, point)) return false;
+    }
+    sphpa_palpha_parabola_ matrix = sphpa_palpha_parabola_of_(task, point, NULL);
+    in->lo = task->shape->s_end;
+    in->hi = 1.0;
+    in->alpha_lo = 1.0;
+    in->alpha_hi = task->alpha_y;
+    in->lo_known = false;
+    if (!(task->rising > 1.0)) {
+        *s = sphpa_palpha_guess_(task, way, point->P, &matrix);
+        return true;
+    }
+    sphpa_palpha_knot_ top;
+    top.at = sphpa_palpha_path_(task, SPHPA_CRUSH_ANY_, sphpa_palpha_where_(task, task->alpha_y));
+    top.matrix = matrix;
+    top.step = sphpa_palpha_step_of_(&matrix, &top.at);
+    if (sphpa_palpha_search_(eval, task, top, in, s, point)) return true;
+    if (task->result == SPHPA_OK)
+        (void)sphpa_palpha_at_(eval, SPHPA_CRUSH_ANY_, task, 1.0, point);
+    return false;
+}
+
 SPHPA_FORCE_INLINE_ void sphpa_palpha_crush_space_(sphpa_palpha_eval_ eval, sphpa_crush_way_ way,
                                                    sphpa_palpha_task_ *task,
                                                    sphpa_palpha_point_ *point) {
     sphpa_palpha_bracket_ in;
-    sphpa_palpha_knot_ top;
     double s;
     if (!sphpa_palpha_at_(eval, way, task, task->cap, point) || point->F <= 0.0) return;
-    if (way == SPHPA_CRUSH_ANY_ && task->shape->herrmann) {
-        bool found = sphpa_palpha_line_(eval, task, &in, &s, point);
-        if (task->result != SPHPA_OK) return;
-        if (found) {
-            sphpa_palpha_parabola_ none = sphpa_palpha_parabola_of_(task, point, NULL);
-            sphpa_palpha_close_in_(eval, way, task, in, s, point, none);
-            return;
-        }
-        if (!sphpa_palpha_at_(eval, way, task, task->alpha_y, point)) return;
-    }
-    sphpa_palpha_parabola_ matrix = sphpa_palpha_parabola_of_(task, point, NULL);
-    in.lo = task->shape->s_end;
-    in.hi = 1.0;
-    in.alpha_lo = 1.0;
-    in.alpha_hi = task->alpha_y;
-    in.lo_known = false;
-    if (task->rising > 1.0) {
-        top.at = sphpa_palpha_path_(task, SPHPA_CRUSH_ANY_, sphpa_palpha_where_(task, task->alpha_y));
-        top.matrix = matrix;
-        top.step = sphpa_palpha_step_of_(&matrix, &top.at);
-        if (!sphpa_palpha_scan_(eval, task, top, &in, &s, point)) {
-            if (task->result == SPHPA_OK)
-                (void)sphpa_palpha_at_(eval, SPHPA_CRUSH_ANY_, task, 1.0, point);
-            return;
-        }
-    } else {
-        s = sphpa_palpha_guess_(task, way, point->P, &matrix);
-    }
-    sphpa_palpha_close_in_(eval, way, task, in, s, point, matrix);
+    if (!sphpa_palpha_locate_(eval, way, task, &in, &s, point)) return;
+    sphpa_palpha_close_in_(eval, way, task, in, s, point,
+                           sphpa_palpha_parabola_of_(task, point, NULL));
 }
 
 /* ---- calls ----------------------------------------------------------------------------------- */
@@ -4915,24 +4937,31 @@ SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_run_(sphpa_palpha_eval_ eval,
     return task->result;
 }
 
-/* Each solver once for each way of a curve, Tillotson's equations inlined, ... */
-#define SPHPA_PALPHA_INSTANCES_(name, solver)                                                      \
+/* The fast solver once for each way of a curve, the others for the quadratic one and for any;
+   Tillotson's equations inlined */
+SPHPA_NO_INLINE_ sphpa_result sphpa_palpha_run_crush_space_(sphpa_palpha_task_ *task,
+                                                            sphpa_palpha_solution *out) {
+    const sphpa_palpha_solver fast = SPHPA_PALPHA_CRUSH_SPACE;
+    const sphpa_crush_way_ square = SPHPA_CRUSH_SQUARE_, powers = SPHPA_CRUSH_POWERS_;
+    if (task->shape->way == square)
+        return sphpa_palpha_run_(sphpa_palpha_eval_tillotson_, fast, square, task, out);
+    if (task->shape->way == powers)
+        return sphpa_palpha_run_(sphpa_palpha_eval_tillotson_, fast, powers, task, out);
+    return sphpa_palpha_run_(sphpa_palpha_eval_tillotson_, fast, SPHPA_CRUSH_ANY_, task, out);
+}
+
+#define SPHPA_PALPHA_INSTANCE_(name, solver)                                                       \
     SPHPA_NO_INLINE_ sphpa_result name(sphpa_palpha_task_ *task, sphpa_palpha_solution *out) {     \
         sphpa_crush_way_ way = task->shape->way;                                                   \
         if (way == SPHPA_CRUSH_SQUARE_)                                                            \
             return sphpa_palpha_run_(sphpa_palpha_eval_tillotson_, solver, SPHPA_CRUSH_SQUARE_,    \
                                      task, out);                                                   \
-        if (way == SPHPA_CRUSH_POWERS_)                                                            \
-            return sphpa_palpha_run_(sphpa_palpha_eval_tillotson_, solver, SPHPA_CRUSH_POWERS_,    \
-                                     task, out);                                                   \
-        return sphpa_palpha_run_(sphpa_palpha_eval_tillotson_, solver, SPHPA_CRUSH_ANY_, task,     \
-                                 out);                                                             \
+        return sphpa_palpha_run_(sphpa_palpha_eval_tillotson_, solver, way, task, out);            \
     }
-SPHPA_PALPHA_INSTANCES_(sphpa_palpha_run_crush_space_, SPHPA_PALPHA_CRUSH_SPACE)
-SPHPA_PALPHA_INSTANCES_(sphpa_palpha_run_bisection_, SPHPA_PALPHA_BISECTION)
-SPHPA_PALPHA_INSTANCES_(sphpa_palpha_run_newton_, SPHPA_PALPHA_NEWTON)
-SPHPA_PALPHA_INSTANCES_(sphpa_palpha_run_safe_newton_, SPHPA_PALPHA_SAFE_NEWTON)
-#undef SPHPA_PALPHA_INSTANCES_
+SPHPA_PALPHA_INSTANCE_(sphpa_palpha_run_bisection_, SPHPA_PALPHA_BISECTION)
+SPHPA_PALPHA_INSTANCE_(sphpa_palpha_run_newton_, SPHPA_PALPHA_NEWTON)
+SPHPA_PALPHA_INSTANCE_(sphpa_palpha_run_safe_newton_, SPHPA_PALPHA_SAFE_NEWTON)
+#undef SPHPA_PALPHA_INSTANCE_
 
 SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_one_(const sphpa_palpha_call_ *call,
                                                    const sphpa_tillotson *mat, double rho,
@@ -5236,14 +5265,16 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_round_(const sphpa_palpha_common_ *co
     SPHPA_NO_INLINE_ void sphpa_palpha_ends_##name##_(const sphpa_palpha_common_ *shared,          \
                                                       sphpa_palpha_lanes_ *x) {                    \
         const sphpa_palpha_common_ common = *shared;                                               \
+        const size_t n = x->n;                                                                     \
         SPHPA_SIMD                                                                                 \
-        for (size_t i = 0; i < x->n; i++) sphpa_palpha_lane_end_(&common, hot, way, x, i);         \
+        for (size_t i = 0; i < n; i++) sphpa_palpha_lane_end_(&common, hot, way, x, i);            \
     }                                                                                              \
     SPHPA_NO_INLINE_ void sphpa_palpha_round_##name##_(const sphpa_palpha_common_ *shared,         \
                                                        sphpa_palpha_lanes_ *x) {                   \
         const sphpa_palpha_common_ common = *shared;                                               \
+        const size_t n = x->n;                                                                     \
         SPHPA_SIMD                                                                                 \
-        for (size_t i = 0; i < x->n; i++) sphpa_palpha_lane_round_(&common, hot, way, x, i);       \
+        for (size_t i = 0; i < n; i++) sphpa_palpha_lane_round_(&common, hot, way, x, i);          \
     }
 SPHPA_PALPHA_LOOPS_(cold_square, false, SPHPA_CRUSH_SQUARE_)
 SPHPA_PALPHA_LOOPS_(cold_powers, false, SPHPA_CRUSH_LANES_)
@@ -5255,8 +5286,9 @@ SPHPA_PALPHA_LOOPS_(hot_powers, true, SPHPA_CRUSH_LANES_)
     SPHPA_NO_INLINE_ void sphpa_palpha_guesses_##name##_(const sphpa_palpha_common_ *shared,       \
                                                          sphpa_palpha_lanes_ *x) {                 \
         const sphpa_palpha_common_ common = *shared;                                               \
+        const size_t n = x->n;                                                                     \
         SPHPA_SIMD                                                                                 \
-        for (size_t i = 0; i < x->n; i++) sphpa_palpha_lane_guess_(&common, way, x, i);            \
+        for (size_t i = 0; i < n; i++) sphpa_palpha_lane_guess_(&common, way, x, i);               \
     }
 SPHPA_PALPHA_LOOPS_(square, SPHPA_CRUSH_SQUARE_)
 SPHPA_PALPHA_LOOPS_(powers, SPHPA_CRUSH_LANES_)
@@ -5451,11 +5483,12 @@ SPHPA_PRIVATE_ sphpa_result sphpa_palpha_batch_run_(const sphpa_palpha_batch_ *b
     SPHPA_OMP(parallel for schedule(static) if(blocks >= 32))
     for (long long b = 0; b < blocks; b++) {
         size_t first = (size_t)b * SPHPA_LANES_;
-        size_t count = n - first < SPHPA_LANES_ ? n - first : SPHPA_LANES_;
+        size_t count = n - first, most = SPHPA_LANES_;
+        if (count > most) count = most;
         sphpa_palpha_stats mine = *stats;
         sphpa_palpha_stats_clear_(&mine, n);
         sphpa_result result = sphpa_palpha_batch_block_(batch, first, count, &mine);
-        SPHPA_OMP(critical(sphpa_palpha_batch))
+        SPHPA_OMP(critical(sphpa_palpha_stats))
         {
             sphpa_palpha_stats_add_(stats, &mine);
             if (result > worst) worst = result;
