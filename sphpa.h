@@ -2738,7 +2738,6 @@ SPHPA_PRIVATE_ void sphpa_kernel_batch_w_(int shape, double norm, size_t n,
     switch (shape) {
 #define SPHPA_KERNEL_CASE_(number, name)                                                           \
     case number:                                                                                   \
-        SPHPA_SIMD                                                                                 \
         for (size_t i = 0; i < n; i++) f[i] = norm * sphpa_kernel_##name##_w_(q[i]);               \
         break;
         SPHPA_KERNEL_SHAPES_(SPHPA_KERNEL_CASE_)
@@ -2753,7 +2752,6 @@ SPHPA_PRIVATE_ void sphpa_kernel_batch_d1_(int shape, double norm, size_t n,
     switch (shape) {
 #define SPHPA_KERNEL_CASE_(number, name)                                                           \
     case number:                                                                                   \
-        SPHPA_SIMD                                                                                 \
         for (size_t i = 0; i < n; i++) df[i] = norm * sphpa_kernel_##name##_d1_(q[i]);             \
         break;
         SPHPA_KERNEL_SHAPES_(SPHPA_KERNEL_CASE_)
@@ -5260,20 +5258,20 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_round_(const sphpa_palpha_common_ *co
     x->Y2[i] = matrix.Y2;
 }
 
-/* The loops, once for each kind of lanes. The copy keeps the stores from touching what is shared. */
+/* The loops, once for each kind of lanes. The copy keeps the stores from touching what is shared. To
+   become SIMD they need -O3 and, for the square roots, -fno-math-errno; no pragma asks for it, since
+   where that is missing clang would warn. */
 #define SPHPA_PALPHA_LOOPS_(name, hot, way)                                                        \
     SPHPA_NO_INLINE_ void sphpa_palpha_ends_##name##_(const sphpa_palpha_common_ *shared,          \
                                                       sphpa_palpha_lanes_ *x) {                    \
         const sphpa_palpha_common_ common = *shared;                                               \
         const size_t n = x->n;                                                                     \
-        SPHPA_SIMD                                                                                 \
         for (size_t i = 0; i < n; i++) sphpa_palpha_lane_end_(&common, hot, way, x, i);            \
     }                                                                                              \
     SPHPA_NO_INLINE_ void sphpa_palpha_round_##name##_(const sphpa_palpha_common_ *shared,         \
                                                        sphpa_palpha_lanes_ *x) {                   \
         const sphpa_palpha_common_ common = *shared;                                               \
         const size_t n = x->n;                                                                     \
-        SPHPA_SIMD                                                                                 \
         for (size_t i = 0; i < n; i++) sphpa_palpha_lane_round_(&common, hot, way, x, i);          \
     }
 SPHPA_PALPHA_LOOPS_(cold_square, false, SPHPA_CRUSH_SQUARE_)
@@ -5287,7 +5285,6 @@ SPHPA_PALPHA_LOOPS_(hot_powers, true, SPHPA_CRUSH_LANES_)
                                                          sphpa_palpha_lanes_ *x) {                 \
         const sphpa_palpha_common_ common = *shared;                                               \
         const size_t n = x->n;                                                                     \
-        SPHPA_SIMD                                                                                 \
         for (size_t i = 0; i < n; i++) sphpa_palpha_lane_guess_(&common, way, x, i);               \
     }
 SPHPA_PALPHA_LOOPS_(square, SPHPA_CRUSH_SQUARE_)
