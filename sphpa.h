@@ -4463,14 +4463,19 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_smooth_(const sphpa_palpha_task_ *task, do
     return (a < task->kink) == (b < task->kink);
 }
 
-/* `to`: where the step leads, if it stays inside */
+/* Where to go on: where the step leads (*inside), if it stays inside. One that leaves the bracket by
+   little says that the root is at its end: back from there by as much as it left it, and no less
+   than half the tolerance (in s: least). */
 SPHPA_FORCE_INLINE_ double sphpa_palpha_next_(const sphpa_palpha_bracket_ *in, int k, double s,
-                                              const sphpa_palpha_step_ *step, bool *inside) {
-    double next = s + step->ds;
+                                              const sphpa_palpha_step_ *step, double least,
+                                              bool *inside) {
+    double next = s + step->ds, end = step->H > 0.0 ? in->lo : in->hi, beyond = next - end;
     *inside = next > in->lo && next < in->hi && k < 12;
     if (*inside) return next;
-    if (!(next > in->lo && next < in->hi)) next = s - step->H / step->H1;
     if (next <= in->lo && !in->lo_known) return in->lo;
+    beyond = copysign(sphpa_max_(fabs(beyond), least), end - s);
+    if (fabs(beyond) < 0.25 * fabs(end - s)) return end - beyond;
+    if (!(next > in->lo && next < in->hi)) next = s - step->H / step->H1;
     if (next > in->lo && next < in->hi && k % 2 != 0) return next;
     return in->lo < 0.0 && in->hi > 0.0 ? 0.0 : 0.5 * (in->lo + in->hi); /* 0: the knee */
 }
@@ -4522,7 +4527,8 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
             to.alpha += move;
             break;
         }
-        to = sphpa_palpha_path_(task, way, sphpa_palpha_next_(&in, k, at.s, &step, &inside));
+        double least = 0.5 * small / at.alpha1;
+        to = sphpa_palpha_path_(task, way, sphpa_palpha_next_(&in, k, at.s, &step, least, &inside));
         if (way != SPHPA_CRUSH_SQUARE_ && inside && fabs(step.H2 * step.ds) > 0.25 * step.H1)
             sphpa_palpha_polish_(task, way, &matrix, &in, &to);
         move = to.alpha - at.alpha;
@@ -4677,8 +4683,8 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_scan_(sphpa_palpha_eval_ eval, sphpa_palph
         sphpa_palpha_span_ span = sphpa_palpha_between_(task, below, &above, third);
         double h = above.at.s - below->at.s, x = 0.5;
         bool zero = below->step.H <= 0.0, enough = task->evaluations >= SPHPA_PALPHA_SCAN_;
-        bool clear = span.lowest > 3.0 * span.doubt;
-        if (zero) clear = !span.falls && span.doubt <= 0.02 * (above.step.H - below->step.H);
+        bool clear = !span.falls && span.doubt <= 0.02 * (above.step.H - below->step.H);
+        if (!zero) clear = clear || span.lowest > 3.0 * span.doubt;
         if (!clear && !enough && h > 1e-9 * (top - in->lo)) { /* look between them */
             if (span.at > 0.0 && span.at < 1.0) x = span.at;
             if (!sphpa_palpha_knot_at_(eval, task, below->at.s + x * h, point, &pile[depth]))
