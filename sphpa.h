@@ -4483,9 +4483,10 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_next_(const sphpa_palpha_task_ *task,
                                               bool *inside) {
     double next = at->s + step->ds, end = step->H > 0.0 ? in->lo : in->hi, width = in->hi - in->lo;
     *inside = next > in->lo && next < in->hi;
-    if (*inside && (k < 12 || k % 2 != 0)) return next;
+    if (*inside && (k < 8 || k % 2 != 0)) return next;
     if (next <= in->lo && !in->lo_known) return in->lo;
-    double beyond = sphpa_max_(fabs(next - end), 0.5 * small / at->alpha1);
+    double beyond = sphpa_max_(fabs(next - end), DBL_EPSILON * fabs(end));
+    beyond = sphpa_max_(beyond, 0.5 * small / at->alpha1);
     if (width > 2.0 * in->promised) in->promised = 0.0;
     if (in->promised > 0.0 && beyond < 0.25 * width && !*inside) {
         double back = end - copysign(beyond, step->ds);
@@ -4559,7 +4560,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
             sphpa_palpha_meets_(task, way, &matrix, &step, &at, move, small, &to))
             break;
         smooth = inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
-        task->fell_back = k >= 12;
+        task->fell_back = k >= 8;
         if (k == 100) {
             task->result = SPHPA_ERROR_NOT_CONVERGED;
             break;
@@ -4612,7 +4613,9 @@ SPHPA_PRIVATE_ sphpa_palpha_span_ sphpa_palpha_span_of_(const sphpa_palpha_step_
     for (int k = 1; k <= 17; k++) { /* a low place is between: on the parabola through three */
         double D1 = 0.5 * (H[k + 1] - H[k - 1]), D2 = H[k + 1] - 2.0 * H[k] + H[k - 1];
         double low = H[k] - 0.5 * D1 * D1 / D2;
+        bool end = k == 1 || k == 17; /* a place next to an end has to promise a zero */
         if (!(D2 > fabs(D1)) || !(low < out.lowest)) continue;
+        if (end && !(H[k] > 0.0 && low < 0.0)) continue;
         out.lowest = low;
         out.at = sphpa_clamp_((k - 1 - D1 / D2) / 16.0, 0.0, 1.0);
     }
@@ -4637,7 +4640,7 @@ SPHPA_PRIVATE_ double sphpa_palpha_where_(const sphpa_palpha_task_ *task, double
 }
 
 /* The first places to look at between lo and top, from lo up: quarters of each smooth piece. */
-enum { SPHPA_PALPHA_PLACES_ = 8, SPHPA_PALPHA_SCAN_ = 26 };
+enum { SPHPA_PALPHA_PLACES_ = 8, SPHPA_PALPHA_SCAN_ = 20 };
 
 SPHPA_PRIVATE_ int sphpa_palpha_places_(const sphpa_palpha_task_ *task, double lo, double top,
                                         sphpa_palpha_knot_ *pile) {
@@ -4684,7 +4687,7 @@ SPHPA_PRIVATE_ bool sphpa_palpha_found_(const sphpa_palpha_knot_ *below,
 
 /* Narrows the bracket to the highest zero of H: down the path from `above`, where H > 0, through
    knots that split it so often that the polynomials between them leave no doubt of where H is
-   positive. Of a pair of zeros one may be missed where H is so nearly 0 between them that 26
+   positive. Of a pair of zeros one may be missed where H is so nearly 0 between them that 20
    evaluations do not tell. False: an evaluation failed, or H > 0 down to the lower end. */
 SPHPA_FORCE_INLINE_ bool sphpa_palpha_scan_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
                                             sphpa_palpha_knot_ above, sphpa_palpha_bracket_ *in,
@@ -4890,7 +4893,7 @@ SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_begin_(const sphpa_palpha_call_ *c
         task->Py = line.Py;
         task->cap = line.rest;
         double at_cap = line.Py + sphpa_crush_phi_(&call->shape, line.alpha_y, line.rest);
-        task->foot = fabs(at_cap) <= 32.0 * DBL_EPSILON * line.Py;
+        task->foot = line.rest < alpha0 || fabs(at_cap) <= 4.0 * DBL_EPSILON * line.Py;
     }
     return SPHPA_OK;
 }
