@@ -3948,7 +3948,8 @@ SPHPA_FORCE_INLINE_ double sphpa_crush_halley_lane_(double H, double H1, double 
 /* the least s with this alpha, in [1, top]: Halley in a bracket; a caller's curve may be a staircase:
    halves */
 SPHPA_PRIVATE_ double sphpa_crush_invert_(const sphpa_crush_shape_ *shape, double alpha) {
-    bool halve = shape->function != NULL, square = shape->way == SPHPA_CRUSH_SQUARE_;
+    bool halve = shape->function != NULL;
+    bool square = !halve && !(shape->k1 > 0.0) && shape->m2 == 1;
     double low = shape->s_end, high = 1.0, s = 0.5;
     if (square) return sphpa_crush_place_of_(shape, SPHPA_CRUSH_SQUARE_, alpha);
     if (!halve) s = sphpa_crush_place_of_(shape, SPHPA_CRUSH_POWERS_, alpha);
@@ -4119,6 +4120,7 @@ typedef struct sphpa_palpha_task_ {
     int max_iterations, evaluations, iterations, fell_back;
     double kink, floor2; /* alpha where the matrix is at rho0; floor of its c^2 */
     bool on_line;  /* HERRMANN: the path is the elastic line, not the curve */
+    bool foot;     /* HERRMANN: the line is at P = 0 at cap, so P next to it is told from there */
     double rising; /* known: rho_s dPeos/drho_s >= Peos for every alpha from here up */
     sphpa_result result;
 } sphpa_palpha_task_;
@@ -4132,8 +4134,9 @@ typedef struct sphpa_palpha_point_ {
 SPHPA_NO_INLINE_ double sphpa_palpha_target_line_(const sphpa_palpha_task_ *task, double P,
                                                   double *slope) {
     if (P <= 0.0) return task->cap;
-    double alpha = sphpa_crush_line_solve_(task->shape, task->alpha_y, P - task->Py, task->alpha_y,
-                                           task->cap);
+    bool foot = task->foot && P < 0.5 * task->Py;
+    double alpha = sphpa_crush_line_solve_(task->shape, foot ? task->cap : task->alpha_y,
+                                           foot ? P : P - task->Py, task->alpha_y, task->cap);
     *slope = sphpa_crush_line_slope_(task->shape, alpha);
     return alpha;
 }
@@ -4283,7 +4286,9 @@ SPHPA_NO_INLINE_ sphpa_palpha_place_ sphpa_palpha_path_line_(const sphpa_palpha_
     out.alpha = task->alpha_y + s;
     out.alpha1 = 1.0;
     out.alpha2 = 0.0;
-    out.P = task->Py + sphpa_crush_phi_(task->shape, task->alpha_y, out.alpha);
+    bool foot = task->foot && s > 0.5 * (task->cap - task->alpha_y);
+    out.P = foot ? sphpa_crush_phi_(task->shape, task->cap, out.alpha)
+                 : task->Py + sphpa_crush_phi_(task->shape, task->alpha_y, out.alpha);
     out.P1 = sphpa_crush_phi_slopes_(task->shape, out.alpha, &out.P2);
     return out;
 }
@@ -4420,7 +4425,8 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_halley_good_(const sphpa_palpha_parabola_ 
 }
 
 /* Where the parabola at hand meets the path: *to, where Halley's step from `at` has led if his own
-   error is small, or a second one from there, which has to be a thousand times shorter. */
+   error is small, or a second one from there, which has to be a thousand times shorter: what it
+   leaves over is its cube by the square of the first. */
 SPHPA_FORCE_INLINE_ bool sphpa_palpha_meets_(const sphpa_palpha_task_ *task, sphpa_crush_way_ way,
                                              const sphpa_palpha_parabola_ *matrix,
                                              const sphpa_palpha_step_ *step,
@@ -4430,7 +4436,8 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_meets_(const sphpa_palpha_task_ *task, sph
         return true;
     sphpa_palpha_step_ more = sphpa_palpha_step_of_(matrix, to);
     sphpa_palpha_place_ there = sphpa_palpha_path_(task, way, to->s + more.ds);
-    if (!(fabs(there.alpha - to->alpha) <= 1e-3 * fabs(move))) return false;
+    double again = fabs(there.alpha - to->alpha);
+    if (!(again <= 1e-3 * fabs(move)) || again * again * again > small * move * move) return false;
     if (!(there.s >= task->shape->s_end)) return false;
     *to = there;
     return true;
@@ -4441,6 +4448,7 @@ typedef struct sphpa_palpha_bracket_ {
     double lo, hi;             /* H(lo) <= 0 < H(hi) */
     double alpha_lo, alpha_hi; /* there */
     bool lo_known;             /* else lo is where all pores are closed, and was not evaluated */
+    double promised;           /* its width, if the root was where the last step had it; or 0 */
 } sphpa_palpha_bracket_;
 
 /* High powers bend so much that Halley alone stays behind: on to where the parabola meets the path,
@@ -4463,28 +4471,49 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_smooth_(const sphpa_palpha_task_ *task, do
     return (a < task->kink) == (b < task->kink);
 }
 
-/* Where to go on: where the step leads (*inside), if it stays inside. One that leaves the bracket by
-   little says that the root is at its end: back from there by as much as it left it, and no less
-   than half the tolerance (in s: least). */
-SPHPA_FORCE_INLINE_ double sphpa_palpha_next_(const sphpa_palpha_bracket_ *in, int k, double s,
-                                              const sphpa_palpha_step_ *step, double least,
-                                              bool *inside) {
-    double next = s + step->ds, end = step->H > 0.0 ? in->lo : in->hi, beyond = next - end;
-    *inside = next > in->lo && next < in->hi && k < 12;
-    if (*inside) return next;
-    if (next <= in->lo && !in->lo_known) return in->lo;
-    beyond = copysign(sphpa_max_(fabs(beyond), least), end - s);
-    if (fabs(beyond) < 0.25 * fabs(end - s)) return end - beyond;
-    if (!(next > in->lo && next < in->hi)) next = s - step->H / step->H1;
-    if (next > in->lo && next < in->hi && k % 2 != 0) return next;
-    return in->lo < 0.0 && in->hi > 0.0 ? 0.0 : 0.5 * (in->lo + in->hi); /* 0: the knee */
+/* The middle of the bracket: the knee of the curve, or half way in s; on Herrmann's line, which falls
+   like the logarithm of alpha - 1, half way in that. */
+SPHPA_FORCE_INLINE_ double sphpa_palpha_middle_(const sphpa_palpha_task_ *task, sphpa_crush_way_ way,
+                                                const sphpa_palpha_bracket_ *in) {
+    if (way == SPHPA_CRUSH_ANY_ && task->on_line) {
+        double x = sqrt((in->alpha_lo - 1.0) * (in->alpha_hi - 1.0)), s = x - (task->alpha_y - 1.0);
+        if (s > in->lo && s < in->hi) return s;
+    }
+    return in->lo < 0.0 && in->hi > 0.0 ? 0.0 : 0.5 * (in->lo + in->hi);
 }
 
-/* the rounding of alpha P: P0 - R c s is no better than P0, a line than its own P */
+/* Where to go on: where the step leads (*inside), if it stays inside. One that leaves the bracket by
+   little says that the root is at its end: back from there by as much as it left it, and no less
+   than half the tolerance. Where that was not so once, H is rough: no more of it. */
+SPHPA_FORCE_INLINE_ double sphpa_palpha_next_(const sphpa_palpha_task_ *task,
+                                              sphpa_crush_way_ way, sphpa_palpha_bracket_ *in, int k,
+                                              const sphpa_palpha_place_ *at,
+                                              const sphpa_palpha_step_ *step, double small,
+                                              bool *inside) {
+    double next = at->s + step->ds, end = step->H > 0.0 ? in->lo : in->hi, width = in->hi - in->lo;
+    *inside = next > in->lo && next < in->hi;
+    if (*inside && (k < 8 || k % 2 != 0)) return next;
+    if (next <= in->lo && !in->lo_known) return in->lo;
+    double beyond = sphpa_max_(fabs(next - end), DBL_EPSILON * fabs(end));
+    beyond = sphpa_max_(beyond, 0.5 * small / at->alpha1);
+    if (width > 2.0 * in->promised) in->promised = 0.0;
+    if (in->promised > 0.0 && beyond < 0.25 * width && !*inside) {
+        double back = end - copysign(beyond, step->ds);
+        in->promised = beyond;
+        if (back > in->lo && back < in->hi) return back;
+    }
+    *inside = false;
+    next = at->s - step->H / step->H1;
+    if (next > in->lo && next < in->hi && k % 2 != 0) return next;
+    return sphpa_palpha_middle_(task, way, in);
+}
+
+/* the rounding of alpha P: P0 - R c s is no better than P0, Py + Phi than Py */
 SPHPA_FORCE_INLINE_ double sphpa_palpha_noise_(const sphpa_palpha_task_ *task, sphpa_crush_way_ way,
                                                const sphpa_palpha_place_ *at) {
     bool line = way == SPHPA_CRUSH_ANY_ && task->on_line;
-    return DBL_EPSILON * at->alpha * (line ? fabs(at->P) : task->shape->P0 - at->P1 * fabs(at->s));
+    return DBL_EPSILON * at->alpha * (line ? (task->foot ? fabs(at->P) : task->Py)
+                                             : task->shape->P0 - at->P1 * fabs(at->s));
 }
 
 /* Steps along the path inside the bracket, from s; *point has been evaluated near by. A step that
@@ -4527,8 +4556,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
             to.alpha += move;
             break;
         }
-        double least = 0.5 * small / at.alpha1;
-        to = sphpa_palpha_path_(task, way, sphpa_palpha_next_(&in, k, at.s, &step, least, &inside));
+        to = sphpa_palpha_path_(task, way, sphpa_palpha_next_(task, way, &in, k, &at, &step, small, &inside));
         if (way != SPHPA_CRUSH_SQUARE_ && inside && fabs(step.H2 * step.ds) > 0.25 * step.H1)
             sphpa_palpha_polish_(task, way, &matrix, &in, &to);
         move = to.alpha - at.alpha;
@@ -4541,7 +4569,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
             sphpa_palpha_meets_(task, way, &matrix, &step, &at, move, small, &to))
             break;
         smooth = inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
-        task->fell_back = k >= 12;
+        task->fell_back = k >= 8;
         if (k == 100) {
             task->result = SPHPA_ERROR_NOT_CONVERGED;
             break;
@@ -4572,25 +4600,33 @@ typedef struct sphpa_palpha_span_ {
 SPHPA_PRIVATE_ sphpa_palpha_span_ sphpa_palpha_span_of_(const sphpa_palpha_step_ *lo,
                                                         const sphpa_palpha_step_ *hi, double h,
                                                         bool third) {
-    double rise = hi->H - lo->H, a = h * lo->H1, b = h * hi->H1, before = lo->H;
+    double rise = hi->H - lo->H, a = h * lo->H1, b = h * hi->H1;
     double c2 = 3.0 * rise - 2.0 * a - b, c3 = a + b - 2.0 * rise; /* H0 + a x + c2 x^2 + c3 x^3 */
     double e0 = 0.5 * (h * h * lo->H2 - 2.0 * c2), e1 = 0.5 * (h * h * hi->H2 - 2.0 * c2 - 6.0 * c3);
+    double H[19]; /* one beyond each end, by the slopes there */
     sphpa_palpha_span_ out;
     out.lowest = sphpa_min_(lo->H, hi->H);
     out.at = 0.5;
     out.doubt = 0.0;
     out.falls = a < 0.0 || b < 0.0;
-    for (int k = 1; k <= 16; k++) {
+    for (int k = 0; k <= 16; k++) {
         double x = k / 16.0, y = 1.0 - x, bump = x * x * y * y;
         double cubic = lo->H + x * (a + x * (c2 + x * c3)), line = lo->H + x * rise;
-        double more = bump * (e0 * y + e1 * x), H = third ? cubic + more : cubic;
+        double more = bump * (e0 * y + e1 * x);
+        H[k + 1] = third ? cubic + more : cubic;
         out.doubt = sphpa_max_(out.doubt, fabs(third ? more : cubic - line));
-        if (H < before) out.falls = true;
-        before = H;
-        if (H < out.lowest) {
-            out.lowest = H;
-            out.at = x;
-        }
+        if (k > 0 && H[k + 1] < H[k]) out.falls = true;
+    }
+    H[0] = H[2] - a / 8.0;
+    H[18] = H[16] + b / 8.0;
+    for (int k = 1; k <= 17; k++) { /* a low place is between: on the parabola through three */
+        double D1 = 0.5 * (H[k + 1] - H[k - 1]), D2 = H[k + 1] - 2.0 * H[k] + H[k - 1];
+        double low = H[k] - 0.5 * D1 * D1 / D2;
+        bool end = k == 1 || k == 17; /* a place next to an end has to promise a zero */
+        if (!(D2 > fabs(D1)) || !(low < out.lowest)) continue;
+        if (end && !(H[k] > 0.0 && low < 0.0)) continue;
+        out.lowest = low;
+        out.at = sphpa_clamp_((k - 1 - D1 / D2) / 16.0, 0.0, 1.0);
     }
     return out;
 }
@@ -4613,7 +4649,7 @@ SPHPA_PRIVATE_ double sphpa_palpha_where_(const sphpa_palpha_task_ *task, double
 }
 
 /* The first places to look at between lo and top, from lo up: quarters of each smooth piece. */
-enum { SPHPA_PALPHA_PLACES_ = 8, SPHPA_PALPHA_SCAN_ = 26 };
+enum { SPHPA_PALPHA_PLACES_ = 8, SPHPA_PALPHA_SCAN_ = 20 };
 
 SPHPA_PRIVATE_ int sphpa_palpha_places_(const sphpa_palpha_task_ *task, double lo, double top,
                                         sphpa_palpha_knot_ *pile) {
@@ -4651,6 +4687,7 @@ SPHPA_PRIVATE_ bool sphpa_palpha_found_(const sphpa_palpha_knot_ *below,
     in->alpha_lo = below->at.alpha;
     in->alpha_hi = above->at.alpha;
     in->lo_known = true;
+    in->promised = HUGE_VAL;
     *s = near->at.s + near->step.ds;
     if (!(*s > in->lo && *s < in->hi)) *s = 0.5 * (in->lo + in->hi);
     point->alpha = near->at.alpha;
@@ -4659,7 +4696,7 @@ SPHPA_PRIVATE_ bool sphpa_palpha_found_(const sphpa_palpha_knot_ *below,
 
 /* Narrows the bracket to the highest zero of H: down the path from `above`, where H > 0, through
    knots that split it so often that the polynomials between them leave no doubt of where H is
-   positive. Of a pair of zeros one may be missed where H is so nearly 0 between them that 26
+   positive. Of a pair of zeros one may be missed where H is so nearly 0 between them that 20
    evaluations do not tell. False: an evaluation failed, or H > 0 down to the lower end. */
 SPHPA_FORCE_INLINE_ bool sphpa_palpha_scan_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
                                             sphpa_palpha_knot_ above, sphpa_palpha_bracket_ *in,
@@ -4757,6 +4794,7 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_locate_(sphpa_palpha_eval_ eval, sphpa_cru
     in->alpha_lo = 1.0;
     in->alpha_hi = task->alpha_y;
     in->lo_known = false;
+    in->promised = HUGE_VAL;
     if (!(task->rising > 1.0)) {
         *s = sphpa_palpha_guess_(task, way, point->P, &matrix);
         return true;
@@ -4882,12 +4920,14 @@ SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_begin_(const sphpa_palpha_call_ *c
     task->alpha_y = task->cap = sphpa_clamp_(alpha_old, 1.0, alpha0);
     task->kink = HUGE_VAL;
     task->floor2 = 0.0;
-    task->on_line = false;
+    task->on_line = task->foot = false;
     if (call->shape.herrmann) {
         sphpa_crush_line_ line = sphpa_crush_line_of_(&call->shape, task->alpha_y);
         task->alpha_y = line.alpha_y;
         task->Py = line.Py;
         task->cap = line.rest;
+        double at_cap = line.Py + sphpa_crush_phi_(&call->shape, line.alpha_y, line.rest);
+        task->foot = line.rest < alpha0 || fabs(at_cap) <= 4.0 * DBL_EPSILON * line.Py;
     }
     return SPHPA_OK;
 }
