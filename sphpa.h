@@ -4392,7 +4392,8 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_settle_(const sphpa_palpha_task_ *task, sp
                                               sphpa_palpha_point_ *point) {
     double alpha = sphpa_clamp_(to->alpha, 1.0, task->cap), d = alpha - point->alpha;
     double Y = matrix->Y + d * (matrix->Y1 + 0.5 * d * matrix->Y2), P = Y / alpha;
-    bool stiff = fabs(to->alpha1 * (matrix->Y1 - P)) > -to->P1 * alpha;
+    bool on_line = way == SPHPA_CRUSH_ANY_ && task->on_line; /* Py + Phi is rougher than Y */
+    bool stiff = !on_line && fabs(to->alpha1 * (matrix->Y1 - P)) > -to->P1 * alpha;
     point->matrix.P = Y;
     point->matrix.d1 += d * task->rho * point->matrix.d2;
     point->matrix.dP_du += d * task->rho * point->matrix.d2u;
@@ -4403,14 +4404,17 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_settle_(const sphpa_palpha_task_ *task, sp
 
 /* Is there nothing left to gain where the last step moves alpha by `move`, the one before moved it by
    `last`? The parabola's error is d3 move^3/6, with the third derivative d3 that its second one has
-   shown between the two; and what `last` left over shows how fast it grows with the move. */
-SPHPA_FORCE_INLINE_ bool sphpa_palpha_last_(double Y2_change, const sphpa_palpha_step_ *step,
-                                            double alpha1, double move, double last,
-                                            double small) {
+   shown between the two; and what `last` left over shows how fast it grows with the move. P has to be that of alpha, too, to within
+   the tolerance or rounding. */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_last_(double Y2_change, const sphpa_palpha_parabola_ *matrix,
+                                            const sphpa_palpha_step_ *step, double alpha1,
+                                            double move, double last, double small) {
     double size = fabs(move), before = fabs(last), cube = size * size * size;
     double slope = step->H1 + step->H2 * step->ds; /* there, as alpha1 is */
+    double exact = small * fabs(matrix->Y1) + 8.0 * DBL_EPSILON * fabs(matrix->Y);
+    double d3 = fabs(Y2_change) * cube;
     return (100.0 * size * cube <= small * (before * before * before)) &
-           (10.0 * fabs(Y2_change) * cube * alpha1 <= small * slope * before);
+           (10.0 * d3 * alpha1 <= small * slope * before) & (d3 <= exact * before);
 }
 
 /* Is Halley's step along the quadratic curve good enough? His error is (H2 ds/(2 H1))^2 + H3 ds^2/(6
@@ -4512,7 +4516,7 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_next_(const sphpa_palpha_task_ *task,
 SPHPA_FORCE_INLINE_ double sphpa_palpha_noise_(const sphpa_palpha_task_ *task, sphpa_crush_way_ way,
                                                const sphpa_palpha_place_ *at) {
     bool line = way == SPHPA_CRUSH_ANY_ && task->on_line;
-    return DBL_EPSILON * at->alpha * (line ? (task->foot ? fabs(at->P) : task->Py)
+    return 2.0 * DBL_EPSILON * at->alpha * (line ? (task->foot ? fabs(at->P) : task->Py)
                                              : task->shape->P0 - at->P1 * fabs(at->s));
 }
 
@@ -4544,15 +4548,19 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
             in.alpha_lo = at.alpha;
             in.lo_known = true;
         }
-        if (fabs(step.H) <= sphpa_palpha_noise_(task, way, &at)) break;
+        double move = step.ds * (at.alpha1 + 0.5 * step.ds * at.alpha2);
+        bool fine = way != SPHPA_CRUSH_SQUARE_ && fabs(step.ds) <= 1e-7; /* more than s can say */
+        if (fabs(step.H) <= sphpa_palpha_noise_(task, way, &at)) {
+            if (fine) to.alpha += move;
+            break;
+        }
         met = (step.H < 0.0 || at.s > in.lo) && in.alpha_hi - in.alpha_lo > small;
         if (!met) break;
         last = sphpa_min_(fabs(last), 0.5 * at.alpha); /* a longer one has seen more than one bend */
-        double move = step.ds * (at.alpha1 + 0.5 * step.ds * at.alpha2);
         if (fabs(step.ds) <= 2.0 * DBL_EPSILON * fabs(at.s) ||
             in.hi - in.lo <= 2.0 * DBL_EPSILON * fabs(at.s) ||
             (way != SPHPA_CRUSH_ANY_ && fabs(step.ds) <= 1e-7 && fabs(move) <= small &&
-             (at.s > 0.0) == (at.s + step.ds > 0.0))) { /* less than s can say */
+             (at.s > 0.0) == (at.s + step.ds > 0.0))) {
             to.alpha += move;
             break;
         }
@@ -4565,7 +4573,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
             break; /* an odd curve may bend so much that Halley hardly moves: Newton has to agree */
         smooth = smooth && inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
         if (third && smooth &&
-            sphpa_palpha_last_(matrix.Y2 - before, &step, to.alpha1, move, last, small) &&
+            sphpa_palpha_last_(matrix.Y2 - before, &matrix, &step, to.alpha1, move, last, small) &&
             sphpa_palpha_meets_(task, way, &matrix, &step, &at, move, small, &to))
             break;
         smooth = inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
@@ -4576,6 +4584,11 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
         }
         last = move;
         at = to;
+    }
+    double alpha = sphpa_clamp_(to.alpha, 1.0, task->cap);
+    if (!met && fabs(alpha - point->alpha) > sphpa_palpha_small_(task, alpha)) { /* too far back */
+        if (!sphpa_palpha_matrix_at_(eval, task, alpha, point)) return;
+        matrix = sphpa_palpha_parabola_of_(task, point, &matrix);
     }
     sphpa_palpha_settle_(task, way, &matrix, &to, met, point);
 }
@@ -4649,7 +4662,7 @@ SPHPA_PRIVATE_ double sphpa_palpha_where_(const sphpa_palpha_task_ *task, double
 }
 
 /* The first places to look at between lo and top, from lo up: quarters of each smooth piece. */
-enum { SPHPA_PALPHA_PLACES_ = 8, SPHPA_PALPHA_SCAN_ = 20 };
+enum { SPHPA_PALPHA_PLACES_ = 8, SPHPA_PALPHA_SCAN_ = 23 };
 
 SPHPA_PRIVATE_ int sphpa_palpha_places_(const sphpa_palpha_task_ *task, double lo, double top,
                                         sphpa_palpha_knot_ *pile) {
@@ -4696,7 +4709,7 @@ SPHPA_PRIVATE_ bool sphpa_palpha_found_(const sphpa_palpha_knot_ *below,
 
 /* Narrows the bracket to the highest zero of H: down the path from `above`, where H > 0, through
    knots that split it so often that the polynomials between them leave no doubt of where H is
-   positive. Of a pair of zeros one may be missed where H is so nearly 0 between them that 20
+   positive. Of a pair of zeros one may be missed where H is so nearly 0 between them that 23
    evaluations do not tell. False: an evaluation failed, or H > 0 down to the lower end. */
 SPHPA_FORCE_INLINE_ bool sphpa_palpha_scan_(sphpa_palpha_eval_ eval, sphpa_palpha_task_ *task,
                                             sphpa_palpha_knot_ above, sphpa_palpha_bracket_ *in,

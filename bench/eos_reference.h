@@ -512,12 +512,16 @@ static inline ref_problem ref_moved(const ref_problem *p, long double rho, long 
     return moved;
 }
 
+typedef struct ref_signs {
+    bool below, zero, above; /* did F < 0, F = 0, F > 0 occur? */
+} ref_signs;
+
 /* The signs of F at x - d and x + d over the corners of inputs moved by m roundings: which of them
    occur? u is also left where it is: P has a kink in u at u_iv and u_cv, and may be lowest
    there. */
 static inline void ref_corners(const ref_problem *p, long double x, long double d, long double m,
-                               bool *negative, bool *positive) {
-    *negative = *positive = false;
+                               ref_signs *signs) {
+    signs->below = signs->zero = signs->above = false;
     bool top = x >= p->x_cap; /* then the moved bracket's own top is meant */
     for (int corner = 0; corner < 12; corner++) {
         long double move_u = (long double)(corner % 3 - 1) * m;
@@ -525,9 +529,10 @@ static inline void ref_corners(const ref_problem *p, long double x, long double 
         for (int side = -1; side <= 1; side += 2) {
             long double place = fmaxl((top ? moved.x_cap : x) + (long double)side * d, 0.0L);
             long double F = ref_at(&moved, top ? fminl(place, moved.x_cap) : place).F;
-            *negative = *negative || F <= 0.0L;
-            *positive = *positive || F >= 0.0L;
-            if (d <= 0.0L || (*negative && *positive)) break;
+            signs->below = signs->below || F < 0.0L;
+            signs->zero = signs->zero || F == 0.0L;
+            signs->above = signs->above || F > 0.0L;
+            if (d <= 0.0L) break;
         }
     }
 }
@@ -535,9 +540,9 @@ static inline void ref_corners(const ref_problem *p, long double x, long double 
 /* Is F zero within d of x for inputs moved by no more than m roundings? */
 static inline bool ref_zero_within(const ref_problem *p, long double x, long double d,
                                    long double m) {
-    bool negative, positive;
-    ref_corners(p, x, d, m, &negative, &positive);
-    return negative && positive;
+    ref_signs signs;
+    ref_corners(p, x, d, m, &signs);
+    return signs.zero || (signs.below && signs.above);
 }
 
 /* The least move of the inputs, in roundings, for which F is zero within d of x: to a tenth below
@@ -557,11 +562,11 @@ static inline long double ref_backward(const ref_problem *p, long double x, long
     return high;
 }
 
-/* F <= 0 at x for all inputs moved by no more than 4 roundings? */
+/* F < 0 at x, or at the top F <= 0, for all inputs moved by no more than 4 roundings? */
 static inline bool ref_surely_below(const ref_problem *p, long double x) {
-    bool negative, positive;
-    ref_corners(p, x, 0.0L, 4.0L, &negative, &positive);
-    return negative && (!positive || x >= p->x_cap);
+    ref_signs signs;
+    ref_corners(p, x, 0.0L, 4.0L, &signs);
+    return !signs.above && (!signs.zero || x >= p->x_cap);
 }
 
 /* Is there a root above x that stays one when the inputs move by 4 roundings? A pair that rounding
