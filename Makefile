@@ -38,12 +38,12 @@ INNER_MAKE = $(MAKE) --no-print-directory INNER=1 $(SIDE_BY_SIDE)
 .DELETE_ON_ERROR:
 .SUFFIXES:
 .PHONY: help deps deps-check check test impact impact-full sensitivity movie examples bench-eos \
-        stress-eos clean FORCE tests-build tests-run examples-build
+        stress-eos path-eos replay-eos tolerance-impact clean FORCE tests-build tests-run examples-build
 
 help: ## list these targets (the default)
 	@echo 'make TARGET [VARIABLE=value ..]'
 	@echo
-	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F '|' '{ printf "  %-12s %s\n", $$1, $$2 }'
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F '|' '{ printf "  %-16s %s\n", $$1, $$2 }'
 	@echo
 	@echo '  NATIVE=1      for this very processor      REAL=float   single precision state'
 	@echo '  CC, CFLAGS    compiler and its flags       OPENMP=0, HDF5=0, GSL=0   leave it out'
@@ -99,6 +99,21 @@ bench-eos: ## P-alpha solvers side by side: time, evaluations, errors in build/b
 stress-eos: ## the P-alpha solvers under stress, 1e7 states judged in long double (two minutes)
 	@+$(INNER_MAKE) $(BUILD)/bench/stress_eos
 	$(BUILD)/bench/stress_eos $(ARGS)
+
+path-eos: ## a particle's path: implicit solves against the evolution form, error and time (half a minute)
+	@+$(INNER_MAKE) $(BUILD)/bench/path_eos
+	$(BUILD)/bench/path_eos --out $(BUILD)/bench $(ARGS)
+
+replay-eos: ## one impact with each P-alpha solver: EOS and force ms a step, are the results equal? (a minute)
+	@+$(INNER_MAKE) $(BUILD)/bench/replay_eos
+	$(BUILD)/bench/replay_eos $(ARGS)
+
+# double and float in one table: the first program leaves its answer for the second
+TOLERANCE = $(BUILD)/bench/tolerance_impact
+tolerance-impact: ## does a loose tolerance make damage ring? 1e-2 to 1e-14, double and float (five minutes)
+	@+$(INNER_MAKE) $(TOLERANCE)_double $(TOLERANCE)_float
+	$(TOLERANCE)_double --out $(BUILD)/bench $(ARGS)
+	$(TOLERANCE)_float --out $(BUILD)/bench $(ARGS)
 
 # ---- tests and checks ----
 test: ## build and run the tests, one program a section
@@ -192,6 +207,21 @@ $(BUILD)/bench/bench_%: bench/bench_%.c sphpa.h $(BUILD)/flags.mk $(wildcard ben
 	@mkdir -p $(@D)
 	$(BENCH_COMPILE) $(WARNINGS) $(BENCH_ABOUT) $(if $(GSL_FOUND),-DBENCH_WITH_GSL $(GSL_CFLAGS)) $< -o $@ \
 	    $(LINK_FLAGS) $(GSL_LIBS) $(LIBS)
+
+# these too, without the libraries
+TIMED = $(addprefix $(BUILD)/bench/,path_eos replay_eos)
+$(TIMED): $(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h examples/*.h) \
+    examples/pumice_impact.c
+	@mkdir -p $(@D)
+	$(BENCH_COMPILE) $(WARNINGS) $(BENCH_ABOUT) $< -o $@ $(LINK_FLAGS) $(LIBS)
+
+# one source, both precisions, whatever REAL is
+TOLERANCE_BOTH = $(addprefix $(BUILD)/bench/tolerance_impact_,double float)
+$(TOLERANCE_BOTH): $(BUILD)/bench/tolerance_impact_%: bench/tolerance_impact.c sphpa.h \
+    $(BUILD)/flags.mk $(wildcard bench/*.h examples/*.h) examples/pumice_impact.c
+	@mkdir -p $(@D)
+	$(filter-out -DSPHPA_FLOAT,$(COMPILE)) $(if $(findstring float,$*),-DSPHPA_FLOAT) $(WARNINGS) \
+	    $(BENCH_ABOUT) $< -o $@ $(LINK_FLAGS) $(LIBS)
 
 $(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h) examples/example.h
 	@mkdir -p $(BUILD)/bench

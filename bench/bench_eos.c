@@ -11,16 +11,10 @@
 #define SPHPA_POROSITY_IMPLEMENTATION
 #include "sphpa.h"
 
+#include "bench_clock.h"
 #include "bench_solvers.h"
 #include "bench_mixes.h"
 #include "eos_reference.h"
-
-#ifndef BENCH_COMPILER
-#define BENCH_COMPILER "unknown: built without the Makefile"
-#endif
-#ifndef BENCH_FLAGS
-#define BENCH_FLAGS "unknown: built without the Makefile"
-#endif
 
 enum {
     BENCH_TOLS = 7,
@@ -30,7 +24,6 @@ enum {
     BENCH_ENOUGH = 10000  /* states that no branch predictor remembers */
 };
 #define BENCH_SAMPLE 1e-3    /* [s] least length of one timing */
-#define BENCH_NOISY_PCT 5.0  /* spread of a fixed piece of work above which we warn */
 #define BENCH_TABLE_TOL 1e-12 /* of the printed tables */
 
 /* ---- settings and results -------------------------------------------------------------------- */
@@ -180,28 +173,6 @@ static void bench_examine(const bench_set *set, bench_room *room, bench_row *row
 
 /* ---- time ------------------------------------------------------------------------------------ */
 
-static int bench_by_size(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-/* median of the samples, and the interquartile range in percent of it; sorts them */
-static double bench_median(double *samples, int count, double *spread_pct) {
-    qsort(samples, (size_t)count, sizeof *samples, bench_by_size);
-    double median = samples[count / 2];
-    *spread_pct = 100.0 * (samples[(3 * count) / 4] - samples[count / 4]) / median;
-    return median;
-}
-
-/* [s] of a fixed piece of arithmetic: where this varies, the machine is busy with other things */
-static double bench_fixed_work(void) {
-    volatile double start = 1.0;
-    double x = start, since = sphpa_wall_clock();
-    for (int k = 0; k < 300000; k++) x = x * 0.999999 + 1e-6;
-    start = x;
-    return sphpa_wall_clock() - since;
-}
-
 /* [s] a solve: so many passes over the set that the clock's grain does not matter */
 static double bench_sample(const bench_row *row, const bench_set *set, long passes,
                            bench_answers *out) {
@@ -316,25 +287,6 @@ static void bench_all(bench_report *report) {
 }
 
 /* ---- what is written ------------------------------------------------------------------------- */
-
-static void bench_read_cpu(char cpu[128]) {
-    char line[256];
-    const char *colon;
-    snprintf(cpu, 128, "unknown");
-    FILE *file = fopen("/proc/cpuinfo", "r");
-    while (file != NULL && fgets(line, sizeof line, file) != NULL)
-        if (strncmp(line, "model name", 10) == 0 && (colon = strchr(line, ':')) != NULL) {
-            snprintf(cpu, 128, "%.*s", (int)strcspn(colon + 2, "\n"), colon + 2);
-            break;
-        }
-    if (file != NULL) fclose(file);
-#if defined(__APPLE__)
-    FILE *asked = popen("sysctl -n machdep.cpu.brand_string", "r");
-    if (asked != NULL && fgets(line, sizeof line, asked) != NULL)
-        snprintf(cpu, 128, "%.*s", (int)strcspn(line, "\n"), line);
-    if (asked != NULL) pclose(asked);
-#endif
-}
 
 /* what the numbers hang on, a line each behind `mark`: "# " in the CSV, "- " above the tables */
 static void bench_write_about(FILE *to, const bench_report *report, const char *mark) {
