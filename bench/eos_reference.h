@@ -577,7 +577,7 @@ static inline bool ref_root_above(const ref_problem *p, long double x) {
     if (x >= p->x_cap || !ref_highest(p, x, &lo, &hi)) return false;
     ref_point deepest = ref_at(p, lo), lowest = deepest;
     long double step = lo - x;
-    for (int k = 0; k < 50 && hi > lo; k++, step *= 0.5L) {
+    for (int k = 0; k < 50; k++, step *= 0.5L) {
         ref_point trial = ref_at(p, lo - step);
         if (trial.F < deepest.F) deepest = trial;
         if (trial.F < 0.0L && trial.P < lowest.P) lowest = trial;
