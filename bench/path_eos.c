@@ -65,8 +65,8 @@ static void path_trace_free(path_trace *t) { free(t->rho); }
 /* ---- what is measured ------------------------------------------------------------------------ */
 
 /* Of the work -P d(1/rho) that a step does, with 1/rho = alpha v_s and the matrix's pressure
-   alpha P, -alpha P dv_s is the matrix's, and reversible; the rest, -P v_s dalpha, closes pores and is lost
-   as heat. The second law wants it to be no less than zero. [J/kg], by the trapezium rule. */
+   alpha P, -alpha P dv_s is the matrix's, and reversible; the rest, -P v_s dalpha, closes pores and
+   is lost as heat. The second law wants it to be no less than 0. [J/kg], by the trapezium rule. */
 static double path_dissipation(const path_trace *t, int k) {
     double rho_s = 0.5 * (t->alpha[k] * t->rho[k] + t->alpha[k + 1] * t->rho[k + 1]);
     return 0.5 * (t->P[k] + t->P[k + 1]) * (t->alpha[k] - t->alpha[k + 1]) / rho_s;
@@ -266,15 +266,15 @@ static void path_print_case(const path_report *report, int which) {
 
 static const char path_legend[] =
     "\n"
-    "alpha, P: off the exact path, at worst and at the end. off curve: largest |alpha - curve(P)|\n"
-    "while the pores close. grew: steps in which alpha grew. W: dissipation, -P dalpha/(alpha rho)\n"
+    "alpha, P: off the exact path, at worst and at the end. off curve: most |alpha - curve(P)|\n"
+    "while the pores close. grew: steps in which alpha grew. W: it loses -P dalpha/(alpha rho)\n"
     "of a step by the trapezium rule, the work that closes pores and is lost as heat: steps in\n"
     "which it is below zero, and its sum less the exact one, of that. closure: u at the end less\n"
     "heat and work -P d(1/rho), by the trapezium rule over the same steps, of that sum.\n"
     "\n"
-    "Implicit: alpha follows from rho and u whatever the step; what error there is comes with u. In\n"
+    "Implicit: alpha follows from rho and u whatever the step; its error comes with that of u. In\n"
     "pumice it stops falling at 1e-7 until a step resolves the elastic rise to Pe, 0.02 % of rho.\n"
-    "Evolution: a step that leaves the elastic branch ends beyond the curve, as stiff as the matrix,\n"
+    "Evolution: a step that leaves the elastic branch ends beyond the curve, stiff as the matrix,\n"
     "and the rate keeps that distance; once P is above Ps its alpha' is 0, the pores stay open.\n"
     "Cut steps cure the first by finding the yield: a root, as in the implicit form. Euler's then\n"
     "end below the curve and come back to it; Heun's may end above it, and stay there.\n";
