@@ -4414,7 +4414,7 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_last_(double Y2_change, const sphpa_palpha
     double exact = small * fabs(matrix->Y1) + 8.0 * DBL_EPSILON * fabs(matrix->Y);
     double d3 = fabs(Y2_change) * cube;
     return (100.0 * size * cube <= small * (before * before * before)) &
-           (10.0 * d3 * alpha1 <= small * slope * before) & (d3 <= exact * before);
+           (10.0 * d3 * alpha1 <= small * slope * before) & (10.0 * d3 <= exact * before);
 }
 
 /* Is Halley's step along the quadratic curve good enough? His error is (H2 ds/(2 H1))^2 + H3 ds^2/(6
@@ -4940,7 +4940,7 @@ SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_begin_(const sphpa_palpha_call_ *c
         task->Py = line.Py;
         task->cap = line.rest;
         double at_cap = line.Py + sphpa_crush_phi_(&call->shape, line.alpha_y, line.rest);
-        task->foot = line.rest < alpha0 || fabs(at_cap) <= 4.0 * DBL_EPSILON * line.Py;
+        task->foot = line.rest < alpha0 || fabs(at_cap) <= DBL_EPSILON * line.Py;
     }
     return SPHPA_OK;
 }
