@@ -3753,6 +3753,8 @@ SPHPA_FORCE_INLINE_ double sphpa_crush_curve_(const sphpa_crush_shape_ *shape, s
     if (P < shape->Pt && shape->k1 > 0.0) {
         double q = (shape->Pt - P) / shape->Rt;
         sphpa_crush_power_ first = sphpa_crush_power_of_(q, shape->n1, shape->m1, whole);
+        if (!whole && q > 0.5) /* what 1 - q has lost of its digits, by a high power */
+            first.value += first.d1 * ((1.0 - q) - (P - shape->Pe) / shape->Rt);
         alpha += shape->k1 * first.value;
         fall += shape->k1 * first.d1 * (shape->R / shape->Rt);
     }
@@ -4402,19 +4404,36 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_settle_(const sphpa_palpha_task_ *task, sp
     point->P = stiff && met ? to->P : P;
 }
 
+/* A high power makes much of the last digit of s. F has all of them where Pe is well below Pt: a step
+   of Newton by F, no longer than such digits are. */
+SPHPA_NO_INLINE_ void sphpa_palpha_refine_(const sphpa_palpha_task_ *task,
+                                           sphpa_palpha_point_ *point) {
+    double dF = sphpa_palpha_dF_(task, point), move = -point->F / dF;
+    if (!(task->shape->Rt > 0.1 * task->shape->Pt) || !(point->slope < 0.0) || !(dF > 0.5)) return;
+    if (!(fabs(move) <= 1000.0 * DBL_EPSILON * point->alpha)) return;
+    double alpha = sphpa_clamp_(point->alpha + move, 1.0, task->cap);
+    double rise = task->rho * point->matrix.d1 * (alpha - point->alpha);
+    point->matrix.P += rise;
+    point->P += (rise - point->P * (alpha - point->alpha)) / alpha;
+    point->alpha = alpha;
+    point->F = alpha - sphpa_palpha_target_(task, SPHPA_CRUSH_ANY_, point->matrix.P / alpha,
+                                            &point->slope);
+}
+
 /* Is there nothing left to gain where the last step moves alpha by `move`, the one before moved it by
    `last`? The parabola's error is d3 move^3/6, with the third derivative d3 that its second one has
    shown between the two; and what `last` left over shows how fast it grows with the move. P has to be that of alpha, too, to within
    the tolerance or rounding. */
 SPHPA_FORCE_INLINE_ bool sphpa_palpha_last_(double Y2_change, const sphpa_palpha_parabola_ *matrix,
-                                            const sphpa_palpha_step_ *step, double alpha1,
-                                            double move, double last, double small) {
+                                            const sphpa_palpha_step_ *step, double P,
+                                            double alpha1, double move, double last,
+                                            double small) {
     double size = fabs(move), before = fabs(last), cube = size * size * size;
     double slope = step->H1 + step->H2 * step->ds; /* there, as alpha1 is */
-    double exact = small * fabs(matrix->Y1) + 8.0 * DBL_EPSILON * fabs(matrix->Y);
-    double d3 = fabs(Y2_change) * cube;
-    return (100.0 * size * cube <= small * (before * before * before)) &
-           (10.0 * d3 * alpha1 <= small * slope * before) & (10.0 * d3 <= exact * before);
+    double exact = small * fabs(matrix->Y1 - P) + 8.0 * DBL_EPSILON * fabs(matrix->Y);
+    double allowed = sphpa_min_(small * slope, exact * alpha1); /* error of H, by alpha1 */
+    return (100.0 * size * cube * slope <= allowed * (before * before * before)) &
+           (10.0 * fabs(Y2_change) * cube * alpha1 <= allowed * before);
 }
 
 /* Is Halley's step along the quadratic curve good enough? His error is (H2 ds/(2 H1))^2 + H3 ds^2/(6
@@ -4440,6 +4459,7 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_meets_(const sphpa_palpha_task_ *task, sph
         return true;
     sphpa_palpha_step_ more = sphpa_palpha_step_of_(matrix, to);
     sphpa_palpha_place_ there = sphpa_palpha_path_(task, way, to->s + more.ds);
+    if (way != SPHPA_CRUSH_SQUARE_ && (at->s > 0.0) != (there.s > 0.0)) return false; /* the knee */
     double again = fabs(there.alpha - to->alpha);
     if (!(again <= 1e-3 * fabs(move)) || again * again * again > small * move * move) return false;
     if (!(there.s >= task->shape->s_end)) return false;
@@ -4549,7 +4569,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
             in.lo_known = true;
         }
         double move = step.ds * (at.alpha1 + 0.5 * step.ds * at.alpha2);
-        bool fine = way != SPHPA_CRUSH_SQUARE_ && fabs(step.ds) <= 1e-7; /* more than s can say */
+        bool fine = fabs(step.ds) <= 2.0 * DBL_EPSILON * fabs(at.s); /* less than s can say */
         if (fabs(step.H) <= sphpa_palpha_noise_(task, way, &at)) {
             if (fine) to.alpha += move;
             break;
@@ -4557,8 +4577,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
         met = (step.H < 0.0 || at.s > in.lo) && in.alpha_hi - in.alpha_lo > small;
         if (!met) break;
         last = sphpa_min_(fabs(last), 0.5 * at.alpha); /* a longer one has seen more than one bend */
-        if (fabs(step.ds) <= 2.0 * DBL_EPSILON * fabs(at.s) ||
-            in.hi - in.lo <= 2.0 * DBL_EPSILON * fabs(at.s) ||
+        if (fine || in.hi - in.lo <= 2.0 * DBL_EPSILON * fabs(at.s) ||
             (way != SPHPA_CRUSH_ANY_ && fabs(step.ds) <= 1e-7 && fabs(move) <= small &&
              (at.s > 0.0) == (at.s + step.ds > 0.0))) {
             to.alpha += move;
@@ -4573,7 +4592,8 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
             break; /* an odd curve may bend so much that Halley hardly moves: Newton has to agree */
         smooth = smooth && inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
         if (third && smooth &&
-            sphpa_palpha_last_(matrix.Y2 - before, &matrix, &step, to.alpha1, move, last, small) &&
+            sphpa_palpha_last_(matrix.Y2 - before, &matrix, &step, at.P, to.alpha1, move, last,
+                               small) &&
             sphpa_palpha_meets_(task, way, &matrix, &step, &at, move, small, &to))
             break;
         smooth = inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
@@ -4591,6 +4611,8 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
         matrix = sphpa_palpha_parabola_of_(task, point, &matrix);
     }
     sphpa_palpha_settle_(task, way, &matrix, &to, met, point);
+    if (way == SPHPA_CRUSH_ANY_ && to.alpha1 * fabs(to.s) > 4.0 * to.alpha && !task->on_line)
+        sphpa_palpha_refine_(task, point);
 }
 
 /* ---- where F may have several zeros ---------------------------------------------------------- */
@@ -4735,7 +4757,7 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_scan_(sphpa_palpha_eval_ eval, sphpa_palph
         bool zero = below->step.H <= 0.0, enough = task->evaluations >= SPHPA_PALPHA_SCAN_;
         bool clear = !span.falls && span.doubt <= 0.02 * (above.step.H - below->step.H);
         if (!zero) clear = clear || span.lowest > 3.0 * span.doubt;
-        if (!clear && !enough && h > 1e-9 * (top - in->lo)) { /* look between them */
+        if (!clear && !enough && h > 1e-9 * sphpa_max_(fabs(above.at.s), fabs(below->at.s))) { /* look between them */
             if (span.at > 0.0 && span.at < 1.0) x = span.at;
             if (!sphpa_palpha_knot_at_(eval, task, below->at.s + x * h, point, &pile[depth]))
                 return false;

@@ -516,7 +516,7 @@ typedef struct ref_signs {
     bool below, zero, above; /* did F < 0, F = 0, F > 0 occur? */
 } ref_signs;
 
-/* The signs of F at x - d and x + d over the corners of inputs moved by m roundings: which of them
+/* The signs of F at x - d, x and x + d over the corners of inputs moved by m roundings: which of them
    occur? u is also left where it is: P has a kink in u at u_iv and u_cv, and may be lowest
    there. */
 static inline void ref_corners(const ref_problem *p, long double x, long double d, long double m,
@@ -526,7 +526,7 @@ static inline void ref_corners(const ref_problem *p, long double x, long double 
     for (int corner = 0; corner < 12; corner++) {
         long double move_u = (long double)(corner % 3 - 1) * m;
         ref_problem moved = ref_moved(p, corner % 2 ? m : -m, move_u, corner < 6 ? m : -m);
-        for (int side = -1; side <= 1; side += 2) {
+        for (int side = -1; side <= 1; side++) {
             long double place = fmaxl((top ? moved.x_cap : x) + (long double)side * d, 0.0L);
             long double F = ref_at(&moved, top ? fminl(place, moved.x_cap) : place).F;
             signs->below = signs->below || F < 0.0L;
@@ -600,11 +600,12 @@ static inline ref_verdict ref_judge_root(const ref_problem *p, double alpha, dou
     long double wider =
         2.0L * ref_wide(tol) + rounding * ref_cond_of(p, &point, ref_chord(p, &point));
     if (wider > *reach) {
-        *reach = wider;
-        if (ref_near(p, &point, wider, error)) return REF_RIGHT;
+        *reach = 1.001L * wider; /* a root that lies beyond a jump of T is reached to the digit */
+        if (ref_near(p, &point, *reach, error)) return REF_RIGHT;
     }
+    *error = fabsl(x - (ref_largest(p) - 1.0L)); /* a dip narrower than d hides from its ends */
+    if (*error <= *reach) return REF_RIGHT;
     *backward = ref_backward(p, x, 2.0L * ref_wide(tol));
-    *error = fabsl(x - (ref_largest(p) - 1.0L));
     return *backward <= 4.0L ? REF_ILL : REF_WRONG;
 }
 
