@@ -4408,8 +4408,12 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_settle_(const sphpa_palpha_task_ *task, sp
    of Newton by F, no longer than such digits are. */
 SPHPA_NO_INLINE_ void sphpa_palpha_refine_(const sphpa_palpha_task_ *task,
                                            sphpa_palpha_point_ *point) {
+    const sphpa_crush_shape_ *shape = task->shape;
+    double P = point->matrix.P / point->alpha;
+    if (!(shape->Rt > 0.1 * shape->Pt) || !(P > (shape->herrmann ? task->Py : shape->Pe))) return;
+    point->F = point->alpha - sphpa_palpha_target_(task, SPHPA_CRUSH_ANY_, P, &point->slope);
     double dF = sphpa_palpha_dF_(task, point), move = -point->F / dF;
-    if (!(task->shape->Rt > 0.1 * task->shape->Pt) || !(point->slope < 0.0) || !(dF > 0.5)) return;
+    if (!(point->slope < 0.0) || !(dF > 0.5)) return;
     if (!(fabs(move) <= 1000.0 * DBL_EPSILON * point->alpha)) return;
     double alpha = sphpa_clamp_(point->alpha + move, 1.0, task->cap);
     double rise = task->rho * point->matrix.d1 * (alpha - point->alpha);
@@ -4432,7 +4436,7 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_last_(double Y2_change, const sphpa_palpha
     double slope = step->H1 + step->H2 * step->ds; /* there, as alpha1 is */
     double exact = small * fabs(matrix->Y1 - P) + 8.0 * DBL_EPSILON * fabs(matrix->Y);
     double allowed = sphpa_min_(small * slope, exact * alpha1); /* error of H, by alpha1 */
-    return (100.0 * size * cube * slope <= allowed * (before * before * before)) &
+    return (slope > 0.0) & (100.0 * size * cube * slope <= allowed * (before * before * before)) &
            (10.0 * fabs(Y2_change) * cube * alpha1 <= allowed * before);
 }
 
@@ -4516,7 +4520,7 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_next_(const sphpa_palpha_task_ *task,
                                               bool *inside) {
     double next = at->s + step->ds, end = step->H > 0.0 ? in->lo : in->hi, width = in->hi - in->lo;
     *inside = next > in->lo && next < in->hi;
-    if (*inside && (k < 8 || k % 2 != 0)) return next;
+    if (*inside && (k < 8 || k % 3 == 0)) return next;
     if (next <= in->lo && !in->lo_known) return in->lo;
     double beyond = sphpa_max_(fabs(next - end), DBL_EPSILON * fabs(end));
     beyond = sphpa_max_(beyond, 0.5 * small / at->alpha1);
@@ -4551,7 +4555,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
     sphpa_palpha_place_ at = sphpa_palpha_path_(task, way, s), to;
     double last = at.alpha - point->alpha;
     bool smooth = sphpa_palpha_smooth_(task, point->alpha, at.alpha), inside, met = true;
-    bool third = way != SPHPA_CRUSH_ANY_ && sphpa_finite_(point->matrix.d2);
+    bool third = way != SPHPA_CRUSH_ANY_ && sphpa_finite_(point->matrix.d2), rough = false;
     for (int k = 0;; k++) {
         task->iterations++;
         if (!sphpa_palpha_matrix_at_(eval, task, at.alpha, point)) return;
@@ -4572,15 +4576,18 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
         bool fine = fabs(step.ds) <= 2.0 * DBL_EPSILON * fabs(at.s); /* less than s can say */
         if (fabs(step.H) <= sphpa_palpha_noise_(task, way, &at)) {
             if (fine) to.alpha += move;
+            rough = true;
             break;
         }
-        met = (step.H < 0.0 || at.s > in.lo) && in.alpha_hi - in.alpha_lo > small;
+        met = (step.H < 0.0 || at.s > in.lo) &&
+              in.alpha_hi - in.alpha_lo > sphpa_max_(small, 8.0 * DBL_EPSILON * at.alpha);
         if (!met) break;
         last = sphpa_min_(fabs(last), 0.5 * at.alpha); /* a longer one has seen more than one bend */
         if (fine || in.hi - in.lo <= 2.0 * DBL_EPSILON * fabs(at.s) ||
             (way != SPHPA_CRUSH_ANY_ && fabs(step.ds) <= 1e-7 && fabs(move) <= small &&
              (at.s > 0.0) == (at.s + step.ds > 0.0))) {
             to.alpha += move;
+            rough = true;
             break;
         }
         to = sphpa_palpha_path_(task, way, sphpa_palpha_next_(task, way, &in, k, &at, &step, small, &inside));
@@ -4611,7 +4618,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
         matrix = sphpa_palpha_parabola_of_(task, point, &matrix);
     }
     sphpa_palpha_settle_(task, way, &matrix, &to, met, point);
-    if (way == SPHPA_CRUSH_ANY_ && to.alpha1 * fabs(to.s) > 4.0 * to.alpha && !task->on_line)
+    if (way != SPHPA_CRUSH_SQUARE_ && rough && !task->on_line && to.alpha1 * to.s > 4.0 * to.alpha)
         sphpa_palpha_refine_(task, point);
 }
 
@@ -4705,6 +4712,7 @@ SPHPA_PRIVATE_ sphpa_palpha_span_ sphpa_palpha_between_(const sphpa_palpha_task_
     double s = below->at.s;
     sphpa_palpha_step_ up = below->step;
     if (!(s > 0.0 || s < 0.0) && !task->on_line) {
+        if (task->shape->n1 < 2.0) third = false; /* infinite there */
         sphpa_palpha_place_ at = sphpa_palpha_path_(task, SPHPA_CRUSH_ANY_, DBL_MIN);
         up = sphpa_palpha_step_of_(&below->matrix, &at);
     }
@@ -4757,7 +4765,7 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_scan_(sphpa_palpha_eval_ eval, sphpa_palph
         bool zero = below->step.H <= 0.0, enough = task->evaluations >= SPHPA_PALPHA_SCAN_;
         bool clear = !span.falls && span.doubt <= 0.02 * (above.step.H - below->step.H);
         if (!zero) clear = clear || span.lowest > 3.0 * span.doubt;
-        if (!clear && !enough && h > 1e-9 * sphpa_max_(fabs(above.at.s), fabs(below->at.s))) { /* look between them */
+        if (!clear && !enough && h > 1e-9 * (above.at.s > 0.0 ? top : -in->lo)) { /* look between them */
             if (span.at > 0.0 && span.at < 1.0) x = span.at;
             if (!sphpa_palpha_knot_at_(eval, task, below->at.s + x * h, point, &pile[depth]))
                 return false;
