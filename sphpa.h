@@ -4532,7 +4532,7 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_next_(const sphpa_palpha_task_ *task,
     }
     *inside = false;
     next = at->s - step->H / step->H1;
-    if (next > in->lo && next < in->hi && k % 2 != 0) return next;
+    if (next > in->lo && next < in->hi && k < 8 && k % 2 != 0) return next;
     return sphpa_palpha_middle_(task, way, in);
 }
 
@@ -4664,12 +4664,12 @@ SPHPA_PRIVATE_ sphpa_palpha_span_ sphpa_palpha_span_of_(const sphpa_palpha_step_
     for (int k = 1; k <= 17; k++) { /* a low place is between: on the parabola through three */
         double D1 = 0.5 * (H[k + 1] - H[k - 1]), D2 = H[k + 1] - 2.0 * H[k] + H[k - 1];
         double low = H[k] - 0.5 * D1 * D1 / D2;
-        bool end = k == 1 || k == 17; /* a place next to an end has to promise a zero */
         if (!(D2 > fabs(D1)) || !(low < out.lowest)) continue;
-        if (end && !(H[k] > 0.0 && low < 0.0)) continue;
         out.lowest = low;
         out.at = sphpa_clamp_((k - 1 - D1 / D2) / 16.0, 0.0, 1.0);
     }
+    bool promise = lo->H > 0.0 && hi->H > 0.0 && out.lowest < 0.0; /* of zeros: right there */
+    if (!promise) out.at = sphpa_clamp_(out.at, 0.25, 0.75);
     return out;
 }
 
