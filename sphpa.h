@@ -3779,13 +3779,32 @@ SPHPA_PRIVATE_ double sphpa_crush_log1p_less_(double a, double b, double rest) {
     return rest + (2.0 * r * r2 * sum - a * r);
 }
 
+/* The integral of dP/dalpha of eq. 5 from alpha = from to `to` by Gauss's rule of 12 places: to the
+   last digits where alpha - 1 does not double, for its poles are that far away. */
+SPHPA_PRIVATE_ double sphpa_crush_gauss_(const sphpa_crush_shape_ *shape, double from, double to) {
+    static const double place[6] = {0.12523340851146891547, 0.36783149899818019375,
+                                    0.58731795428661744730, 0.76990267419430468704,
+                                    0.90411725637047485668, 0.98156063424671925069};
+    static const double weight[6] = {0.24914704581340278500, 0.23349253653835480876,
+                                     0.20316742672306592175, 0.16007832854334622633,
+                                     0.10693932599531843096, 0.04717533638651182719};
+    double half = 0.5 * (to - from), middle = from + half, sum = 0.0;
+    for (int i = 0; i < 6; i++) {
+        double step = half * place[i];
+        sum += weight[i] * (1.0 / sphpa_crush_line_slope_(shape, middle - step) +
+                            1.0 / sphpa_crush_line_slope_(shape, middle + step));
+    }
+    return half * sum;
+}
+
 /* Phi(to) - Phi(from), Phi the integral of dP/dalpha of eq. 5, for from > 1; with x = alpha - 1
      dP/dalpha = K0/alpha^2 [1 + (1/x - k/(2 + k x))/(2 k)].
-   In one piece, term by term, for Phi itself is of the size of K0/k. +infinity at alpha = 1, which no
-   line reaches. */
+   In one piece, term by term, for Phi itself is of the size of K0/k; but over a short way, where these
+   terms nearly cancel, by Gauss. +infinity at alpha = 1, which no line reaches. */
 SPHPA_PRIVATE_ double sphpa_crush_phi_(const sphpa_crush_shape_ *shape, double from, double to) {
     double d = to - from, x = from - 1.0, k = shape->k, c = 2.0 - k;
     if (!(to > 1.0)) return HUGE_VAL;
+    if (d <= x && -2.0 * d <= x) return sphpa_crush_gauss_(shape, from, to);
     double over = d / (from * to); /* of 1/alpha^2 */
     double logs = log1p(k * d / (2.0 + k * x)) - log1p(d / from);
     double one = sphpa_crush_log1p_less_(d / (x * to), over, over / x); /* of 1/(x alpha^2) */
@@ -4463,7 +4482,8 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_meets_(const sphpa_palpha_task_ *task, sph
         return true;
     sphpa_palpha_step_ more = sphpa_palpha_step_of_(matrix, to);
     sphpa_palpha_place_ there = sphpa_palpha_path_(task, way, to->s + more.ds);
-    if (way != SPHPA_CRUSH_SQUARE_ && (at->s > 0.0) != (there.s > 0.0)) return false; /* the knee */
+    bool side = at->s > 0.0; /* of the knee: all three on the same */
+    if (way != SPHPA_CRUSH_SQUARE_ && (side != (to->s > 0.0) || side != (there.s > 0.0))) return false;
     double again = fabs(there.alpha - to->alpha);
     if (!(again <= 1e-3 * fabs(move)) || again * again * again > small * move * move) return false;
     if (!(there.s >= task->shape->s_end)) return false;
