@@ -3800,11 +3800,19 @@ SPHPA_PRIVATE_ double sphpa_crush_gauss_(const sphpa_crush_shape_ *shape, double
 /* Phi(to) - Phi(from), Phi the integral of dP/dalpha of eq. 5, for from > 1; with x = alpha - 1
      dP/dalpha = K0/alpha^2 [1 + (1/x - k/(2 + k x))/(2 k)].
    In one piece, term by term, for Phi itself is of the size of K0/k; but over a short way, where these
-   terms nearly cancel, by Gauss. +infinity at alpha = 1, which no line reaches. */
+   terms nearly cancel, by Gauss in steps that double alpha - 1. +infinity at alpha = 1, which no line reaches. */
 SPHPA_PRIVATE_ double sphpa_crush_phi_(const sphpa_crush_shape_ *shape, double from, double to) {
     double d = to - from, x = from - 1.0, k = shape->k, c = 2.0 - k;
     if (!(to > 1.0)) return HUGE_VAL;
-    if (d <= x && -2.0 * d <= x) return sphpa_crush_gauss_(shape, from, to);
+    if (to - 1.0 <= 16.0 * x && x <= 16.0 * (to - 1.0)) {
+        double sum = 0.0;
+        for (double next; from < to || from > to; from = next) {
+            x = from - 1.0;
+            next = to > from ? sphpa_min_(to, from + x) : sphpa_max_(to, from - 0.5 * x);
+            sum += sphpa_crush_gauss_(shape, from, next);
+        }
+        return sum;
+    }
     double over = d / (from * to); /* of 1/alpha^2 */
     double logs = log1p(k * d / (2.0 + k * x)) - log1p(d / from);
     double one = sphpa_crush_log1p_less_(d / (x * to), over, over / x); /* of 1/(x alpha^2) */

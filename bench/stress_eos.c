@@ -483,6 +483,7 @@ static void plant(const ref_problem *p, self_test *t) {
         t->missed += root < p->cap && higher_root(p, root + 1e-15L * root, 64);
         long double low = lowest_root(p, 64);
         if (root - low < 1e-3L * p->x_cap || !(p->x_cap > 1e-6L)) return;
+        if (widest_cond(p, (double)low) > 1e8L) return;
         t->other++;
         t->told += verdict_on(p, (double)low) == REF_OTHER_ROOT;
         return;
