@@ -3799,8 +3799,9 @@ SPHPA_PRIVATE_ double sphpa_crush_gauss_(const sphpa_crush_shape_ *shape, double
 
 /* Phi(to) - Phi(from), Phi the integral of dP/dalpha of eq. 5, for from > 1; with x = alpha - 1
      dP/dalpha = K0/alpha^2 [1 + (1/x - k/(2 + k x))/(2 k)].
-   In one piece, term by term, for Phi itself is of the size of K0/k; but over a short way, where these
-   terms nearly cancel, by Gauss in steps that double alpha - 1. +infinity at alpha = 1, which no line reaches. */
+   In one piece, term by term, for Phi itself is of the size of K0/k; but over a short way, where
+   these terms nearly cancel, by Gauss in steps that double alpha - 1. +infinity at alpha = 1, which
+   no line reaches. */
 SPHPA_PRIVATE_ double sphpa_crush_phi_(const sphpa_crush_shape_ *shape, double from, double to) {
     double d = to - from, x = from - 1.0, k = shape->k, c = 2.0 - k;
     if (!(to > 1.0)) return HUGE_VAL;
@@ -4431,8 +4432,8 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_settle_(const sphpa_palpha_task_ *task, sp
     point->P = stiff && met ? to->P : P;
 }
 
-/* A high power makes much of the last digit of s. F has all of them where Pe is well below Pt: a step
-   of Newton by F, no longer than such digits are. */
+/* A high power makes much of the last digit of s. F has all of them where Pe is well below Pt: a
+   step of Newton by F, no longer than such digits are. */
 SPHPA_NO_INLINE_ void sphpa_palpha_refine_(const sphpa_palpha_task_ *task,
                                            sphpa_palpha_point_ *point) {
     const sphpa_crush_shape_ *shape = task->shape;
@@ -4451,10 +4452,10 @@ SPHPA_NO_INLINE_ void sphpa_palpha_refine_(const sphpa_palpha_task_ *task,
                                             &point->slope);
 }
 
-/* Is there nothing left to gain where the last step moves alpha by `move`, the one before moved it by
-   `last`? The parabola's error is d3 move^3/6, with the third derivative d3 that its second one has
-   shown between the two; and what `last` left over shows how fast it grows with the move. P has to be that of alpha, too, to within
-   the tolerance or rounding. */
+/* Is there nothing left to gain where the last step moves alpha by `move`, the one before moved it
+   by `last`? The parabola's error is d3 move^3/6, with the third derivative d3 that its second one
+   has shown between the two; and what `last` left over shows how fast it grows with the move. P has
+   to be that of alpha, too, to within the tolerance or rounding. */
 SPHPA_FORCE_INLINE_ bool sphpa_palpha_last_(double Y2_change, const sphpa_palpha_parabola_ *matrix,
                                             const sphpa_palpha_step_ *step, double P,
                                             double alpha1, double move, double last,
@@ -4490,8 +4491,9 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_meets_(const sphpa_palpha_task_ *task, sph
         return true;
     sphpa_palpha_step_ more = sphpa_palpha_step_of_(matrix, to);
     sphpa_palpha_place_ there = sphpa_palpha_path_(task, way, to->s + more.ds);
-    bool side = at->s > 0.0; /* of the knee: all three on the same */
-    if (way != SPHPA_CRUSH_SQUARE_ && (side != (to->s > 0.0) || side != (there.s > 0.0))) return false;
+    bool side = at->s > 0.0; /* no knee between the three */
+    bool knee = side != (to->s > 0.0) || side != (there.s > 0.0);
+    if (way != SPHPA_CRUSH_SQUARE_ && knee) return false;
     double again = fabs(there.alpha - to->alpha);
     if (!(again <= 1e-3 * fabs(move)) || again * again * again > small * move * move) return false;
     if (!(there.s >= task->shape->s_end)) return false;
@@ -4527,9 +4529,10 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_smooth_(const sphpa_palpha_task_ *task, do
     return (a < task->kink) == (b < task->kink);
 }
 
-/* The middle of the bracket: the knee of the curve, or half way in s; on Herrmann's line, which falls
-   like the logarithm of alpha - 1, half way in that. */
-SPHPA_FORCE_INLINE_ double sphpa_palpha_middle_(const sphpa_palpha_task_ *task, sphpa_crush_way_ way,
+/* The middle of the bracket: the knee of the curve, or half way in s; on Herrmann's line, which
+   falls like the logarithm of alpha - 1, half way in that. */
+SPHPA_FORCE_INLINE_ double sphpa_palpha_middle_(const sphpa_palpha_task_ *task,
+                                                sphpa_crush_way_ way,
                                                 const sphpa_palpha_bracket_ *in) {
     if (way == SPHPA_CRUSH_ANY_ && task->on_line) {
         double x = sqrt((in->alpha_lo - 1.0) * (in->alpha_hi - 1.0)), s = x - (task->alpha_y - 1.0);
@@ -4538,15 +4541,17 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_middle_(const sphpa_palpha_task_ *task, 
     return in->lo < 0.0 && in->hi > 0.0 ? 0.0 : 0.5 * (in->lo + in->hi);
 }
 
-/* Where to go on: where the step leads (*inside), if it stays inside. One that leaves the bracket by
-   little says that the root is at its end: back from there by as much as it left it, and no less
-   than half the tolerance. Where that was not so once, H is rough: no more of it. */
+/* Where to go on: where the step leads (*inside), if it stays inside. One that leaves the bracket
+   by little says that the root is at its end: back from there by as much as it left it, and no less
+   than half the tolerance. Where that was not so once, H is rough: no more of it. Else by the
+   tangent, or half way. After eight evaluations two of three halve. */
 SPHPA_FORCE_INLINE_ double sphpa_palpha_next_(const sphpa_palpha_task_ *task,
-                                              sphpa_crush_way_ way, sphpa_palpha_bracket_ *in, int k,
-                                              const sphpa_palpha_place_ *at,
+                                              sphpa_crush_way_ way, sphpa_palpha_bracket_ *in,
+                                              int k, const sphpa_palpha_place_ *at,
                                               const sphpa_palpha_step_ *step, double small,
                                               bool *inside) {
-    double next = at->s + step->ds, end = step->H > 0.0 ? in->lo : in->hi, width = in->hi - in->lo;
+    double next = at->s + step->ds, end = step->H > 0.0 ? in->lo : in->hi;
+    double width = in->hi - in->lo;
     *inside = next > in->lo && next < in->hi;
     if (*inside && (k < 8 || k % 3 == 0)) return next;
     if (next <= in->lo && !in->lo_known) return in->lo;
@@ -4572,9 +4577,65 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_noise_(const sphpa_palpha_task_ *task, s
                                              : task->shape->P0 - at->P1 * fabs(at->s));
 }
 
-/* Steps along the path inside the bracket, from s; *point has been evaluated near by. A step that
-   leaves the bracket is tried with the tangent, then the middle is taken; after twelve steps every
-   other one halves. */
+/* The most evaluations of a solve: none has been seen to need as many; three times that where the
+   second derivative is not known, or a caller's curve may be a staircase. */
+enum { SPHPA_PALPHA_MOST_ = 40 };
+
+/* H at a place: the new end of the bracket */
+SPHPA_FORCE_INLINE_ void sphpa_palpha_narrow_(sphpa_palpha_bracket_ *in,
+                                              const sphpa_palpha_place_ *at, double H) {
+    if (H > 0.0) {
+        in->hi = at->s;
+        in->alpha_hi = sphpa_min_(in->alpha_hi, at->alpha);
+    } else {
+        in->lo = at->s;
+        in->alpha_lo = at->alpha;
+        in->lo_known = true;
+    }
+}
+
+/* Has the bracket, or the step, come to what doubles can tell? Then *to is the answer; where the
+   two ends have met in alpha, but not in H, *met is false. */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_rough_(const sphpa_palpha_task_ *task, sphpa_crush_way_ way,
+                                             const sphpa_palpha_bracket_ *in,
+                                             const sphpa_palpha_step_ *step,
+                                             const sphpa_palpha_place_ *at, double small,
+                                             bool *met, sphpa_palpha_place_ *to) {
+    const double eps = DBL_EPSILON, alpha = at->alpha;
+    double move = step->ds * (at->alpha1 + 0.5 * step->ds * at->alpha2);
+    bool fine = fabs(step->ds) <= 2.0 * eps * fabs(at->s); /* less than s can say */
+    if (fabs(step->H) <= sphpa_palpha_noise_(task, way, at)) {
+        if (fine) to->alpha += move;
+        return true;
+    }
+    *met = (step->H < 0.0 || at->s > in->lo) &&
+           in->alpha_hi - in->alpha_lo > sphpa_max_(small, 8.0 * eps * alpha);
+    if (!*met) return true;
+    fine = fine || in->hi - in->lo <= 2.0 * eps * fabs(at->s);
+    if (way != SPHPA_CRUSH_ANY_ && fabs(step->ds) <= 1e-7 && fabs(move) <= small)
+        fine = fine || (at->s > 0.0) == (at->s + step->ds > 0.0); /* of the knee */
+    if (fine) to->alpha += move;
+    return fine;
+}
+
+/* The answer is at `to`. */
+SPHPA_FORCE_INLINE_ void sphpa_palpha_finish_(sphpa_palpha_eval_ eval, sphpa_crush_way_ way,
+                                              sphpa_palpha_task_ *task,
+                                              const sphpa_palpha_place_ *to, bool met, bool rough,
+                                              sphpa_palpha_parabola_ *matrix,
+                                              sphpa_palpha_point_ *point) {
+    double alpha = sphpa_clamp_(to->alpha, 1.0, task->cap);
+    if (!met && fabs(alpha - point->alpha) > sphpa_palpha_small_(task, alpha)) { /* too far back */
+        if (!sphpa_palpha_matrix_at_(eval, task, alpha, point)) return;
+        *matrix = sphpa_palpha_parabola_of_(task, point, matrix);
+    }
+    sphpa_palpha_settle_(task, way, matrix, to, met, point);
+    bool high = to->alpha1 * to->s > 4.0 * to->alpha;
+    if (way != SPHPA_CRUSH_SQUARE_ && rough && high && !task->on_line)
+        sphpa_palpha_refine_(task, point);
+}
+
+/* Steps along the path inside the bracket, from s; *point has been evaluated near by. */
 SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_crush_way_ way,
                                                 sphpa_palpha_task_ *task,
                                                 sphpa_palpha_bracket_ in, double s,
@@ -4583,7 +4644,8 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
     sphpa_palpha_place_ at = sphpa_palpha_path_(task, way, s), to;
     double last = at.alpha - point->alpha;
     bool smooth = sphpa_palpha_smooth_(task, point->alpha, at.alpha), inside, met = true;
-    bool third = way != SPHPA_CRUSH_ANY_ && sphpa_finite_(point->matrix.d2), rough = false;
+    bool exact = task->shape->function == NULL && sphpa_finite_(point->matrix.d2), rough = false;
+    int most = exact ? SPHPA_PALPHA_MOST_ : 3 * SPHPA_PALPHA_MOST_;
     for (int k = 0;; k++) {
         task->iterations++;
         if (!sphpa_palpha_matrix_at_(eval, task, at.alpha, point)) return;
@@ -4592,62 +4654,32 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
         sphpa_palpha_step_ step = sphpa_palpha_step_of_(&matrix, &at);
         double small = sphpa_palpha_small_(task, at.alpha);
         to = at;
-        if (step.H > 0.0) {
-            in.hi = at.s;
-            in.alpha_hi = sphpa_min_(in.alpha_hi, at.alpha);
-        } else {
-            in.lo = at.s;
-            in.alpha_lo = at.alpha;
-            in.lo_known = true;
-        }
-        double move = step.ds * (at.alpha1 + 0.5 * step.ds * at.alpha2);
-        bool fine = fabs(step.ds) <= 2.0 * DBL_EPSILON * fabs(at.s); /* less than s can say */
-        if (fabs(step.H) <= sphpa_palpha_noise_(task, way, &at)) {
-            if (fine) to.alpha += move;
-            rough = true;
-            break;
-        }
-        met = (step.H < 0.0 || at.s > in.lo) &&
-              in.alpha_hi - in.alpha_lo > sphpa_max_(small, 8.0 * DBL_EPSILON * at.alpha);
-        if (!met) break;
-        last = sphpa_min_(fabs(last), 0.5 * at.alpha); /* a longer one has seen more than one bend */
-        if (fine || in.hi - in.lo <= 2.0 * DBL_EPSILON * fabs(at.s) ||
-            (way != SPHPA_CRUSH_ANY_ && fabs(step.ds) <= 1e-7 && fabs(move) <= small &&
-             (at.s > 0.0) == (at.s + step.ds > 0.0))) {
-            to.alpha += move;
-            rough = true;
-            break;
-        }
-        to = sphpa_palpha_path_(task, way, sphpa_palpha_next_(task, way, &in, k, &at, &step, small, &inside));
+        sphpa_palpha_narrow_(&in, &at, step.H);
+        rough = sphpa_palpha_rough_(task, way, &in, &step, &at, small, &met, &to);
+        if (rough) break;
+        last = sphpa_min_(fabs(last), 0.5 * at.alpha); /* a longer one saw more than one bend */
+        s = sphpa_palpha_next_(task, way, &in, k, &at, &step, small, &inside);
+        to = sphpa_palpha_path_(task, way, s);
         if (way != SPHPA_CRUSH_SQUARE_ && inside && fabs(step.H2 * step.ds) > 0.25 * step.H1)
             sphpa_palpha_polish_(task, way, &matrix, &in, &to);
-        move = to.alpha - at.alpha;
+        double move = to.alpha - at.alpha;
         if (inside && fabs(move) <= small && (at.s > 0.0) == (to.s > 0.0) &&
             (way != SPHPA_CRUSH_ANY_ || fabs(step.H * at.alpha1) <= small * step.H1))
             break; /* an odd curve may bend so much that Halley hardly moves: Newton has to agree */
         smooth = smooth && inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
-        if (third && smooth &&
+        if (way != SPHPA_CRUSH_ANY_ && exact && smooth &&
             sphpa_palpha_last_(matrix.Y2 - before, &matrix, &step, at.P, to.alpha1, move, last,
                                small) &&
             sphpa_palpha_meets_(task, way, &matrix, &step, &at, move, small, &to))
             break;
         smooth = inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
         task->fell_back = k >= 8;
-        if (k == 100) {
-            task->result = SPHPA_ERROR_NOT_CONVERGED;
-            break;
-        }
+        if (task->evaluations >= most) task->result = SPHPA_ERROR_NOT_CONVERGED;
+        if (task->evaluations >= most) break;
         last = move;
         at = to;
     }
-    double alpha = sphpa_clamp_(to.alpha, 1.0, task->cap);
-    if (!met && fabs(alpha - point->alpha) > sphpa_palpha_small_(task, alpha)) { /* too far back */
-        if (!sphpa_palpha_matrix_at_(eval, task, alpha, point)) return;
-        matrix = sphpa_palpha_parabola_of_(task, point, &matrix);
-    }
-    sphpa_palpha_settle_(task, way, &matrix, &to, met, point);
-    if (way != SPHPA_CRUSH_SQUARE_ && rough && !task->on_line && to.alpha1 * to.s > 4.0 * to.alpha)
-        sphpa_palpha_refine_(task, point);
+    sphpa_palpha_finish_(eval, way, task, &to, met, rough, &matrix, point);
 }
 
 /* ---- where F may have several zeros ---------------------------------------------------------- */
@@ -4672,7 +4704,8 @@ SPHPA_PRIVATE_ sphpa_palpha_span_ sphpa_palpha_span_of_(const sphpa_palpha_step_
                                                         bool third) {
     double rise = hi->H - lo->H, a = h * lo->H1, b = h * hi->H1;
     double c2 = 3.0 * rise - 2.0 * a - b, c3 = a + b - 2.0 * rise; /* H0 + a x + c2 x^2 + c3 x^3 */
-    double e0 = 0.5 * (h * h * lo->H2 - 2.0 * c2), e1 = 0.5 * (h * h * hi->H2 - 2.0 * c2 - 6.0 * c3);
+    double e0 = 0.5 * (h * h * lo->H2 - 2.0 * c2);
+    double e1 = 0.5 * (h * h * hi->H2 - 2.0 * c2 - 6.0 * c3);
     double H[19]; /* one beyond each end, by the slopes there */
     sphpa_palpha_span_ out;
     out.lowest = sphpa_min_(lo->H, hi->H);
@@ -4793,7 +4826,8 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_scan_(sphpa_palpha_eval_ eval, sphpa_palph
         bool zero = below->step.H <= 0.0, enough = task->evaluations >= SPHPA_PALPHA_SCAN_;
         bool clear = !span.falls && span.doubt <= 0.02 * (above.step.H - below->step.H);
         if (!zero) clear = clear || span.lowest > 3.0 * span.doubt;
-        if (!clear && !enough && h > 1e-9 * (above.at.s > 0.0 ? top : -in->lo)) { /* look between them */
+        double narrow = 1e-9 * (above.at.s > 0.0 ? top : -in->lo);
+        if (!clear && !enough && h > narrow) { /* look between them */
             if (span.at > 0.0 && span.at < 1.0) x = span.at;
             if (!sphpa_palpha_knot_at_(eval, task, below->at.s + x * h, point, &pile[depth]))
                 return false;
