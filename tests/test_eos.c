@@ -164,6 +164,56 @@ static void derivatives_match_differences(void **state) {
         }
 }
 
+/* second central difference of eighth order, in rho */
+static wide book_bend(const sphpa_tillotson *m, int branch, wide rho, wide u, wide h) {
+    static const wide weight[5] = {-205.0L / 72.0L, 8.0L / 5.0L, -1.0L / 5.0L, 8.0L / 315.0L,
+                                   -1.0L / 560.0L};
+    wide size, sum = weight[0] * book_P(m, branch, rho, u, &size);
+    for (int k = 1; k <= 4; k++)
+        sum += weight[k] * (book_P(m, branch, rho + (wide)k * h, u, &size) +
+                            book_P(m, branch, rho - (wide)k * h, u, &size));
+    return sum / (h * h);
+}
+
+/* d2P/(drho du): the difference in u of differences in rho */
+static wide book_mixed(const sphpa_tillotson *m, int branch, wide rho, wide u, wide h_rho,
+                       wide h_u) {
+    static const int weight[4] = {672, -168, 32, -3};
+    wide sum = 0.0L;
+    for (int k = 1; k <= 4; k++)
+        sum += (wide)weight[k - 1] *
+               (book_slope(m, branch, rho, u + (wide)k * h_u, h_rho, 0.0L) -
+                book_slope(m, branch, rho, u - (wide)k * h_u, h_rho, 0.0L));
+    return sum / (840.0L * h_u);
+}
+
+/* which the pores' solver steps by */
+static void second_derivatives_match_differences(void **state) {
+    (void)state;
+    sphpa_rng rng = sphpa_rng_seed(14, 1);
+    int seen[3] = {0, 0, 0};
+    for (size_t row = 0; row < sphpa_material_count(); row++)
+        for (int n = 0; n < 2000; n++) {
+            sphpa_tillotson m = variant(row, n & 1);
+            double rho, u;
+            int branch = draw_state(&m, &rng, &rho, &u);
+            double eta = rho / m.rho0, z = fabs(1.0 / eta - 1.0), heat = u + m.E0 * eta * eta;
+            double steep = 1.0 + 2.0 * m.alpha * z * (1.0 + z) + m.beta * (1.0 + z);
+            double h_rho = 2e-3 * rho / steep, h_u = 2e-3 * heat;
+            if (fabs(rho - m.rho0) < 5.0 * h_rho) continue;
+            wide size, bend = book_bend(&m, branch, (wide)rho, (wide)u, (wide)h_rho);
+            wide mixed = book_mixed(&m, branch, (wide)rho, (wide)u, (wide)h_rho, (wide)h_u);
+            (void)book_P(&m, branch, (wide)rho, (wide)u, &size);
+            sphpa_tillotson_branch_ found = sphpa_tillotson_uncut_(&m, rho, u);
+            double slope = (double)size / rho * steep, per_u = heat;
+            if (branch == HYBRID) per_u = sphpa_min_(heat, m.u_cv - m.u_iv);
+            assert_near_abs(found.d2P_drho2, (double)bend, 1e-11 * slope / rho * steep);
+            assert_near_abs(found.d2P_drho_du, (double)mixed, 1e-11 * slope / per_u);
+            seen[branch]++;
+        }
+    assert_true(seen[0] > 1000 && seen[1] > 1000 && seen[2] > 1000);
+}
+
 static void sound_speed_is_the_slope_of_the_isentrope(void **state) {
     (void)state;
     sphpa_rng rng = sphpa_rng_seed(13, 1);
@@ -673,6 +723,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(tillotson_matches_the_textbook),
         cmocka_unit_test(derivatives_match_differences),
+        cmocka_unit_test(second_derivatives_match_differences),
         cmocka_unit_test(sound_speed_is_the_slope_of_the_isentrope),
         cmocka_unit_test(floor_of_the_sound_speed),
         cmocka_unit_test(floor_of_murnaghans_sound_speed),

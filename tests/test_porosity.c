@@ -662,6 +662,184 @@ static void test_solvers_odd_curves(void **unused) {
     }
 }
 
+/* A state, the long double answer to it, and how near to that an answer has to be: the tolerance
+   and 16 roundings of alpha and P, by how much they move the root. From `make stress-eos`. */
+typedef struct hard_state {
+    const char *what, *material;
+    int keep_B, herrmann;
+    double rho_u_alpha[3];
+    double curve[8]; /* alpha0, Pe, Pt, Ps, alpha_e, alpha_t, n1, n2 (0: the quadratic one) */
+    double c_e, tol, root, P, allowed, P_allowed;
+} hard_state;
+
+static sphpa_crush hard_curve(const hard_state *h, const sphpa_tillotson *mat) {
+    const double *given = h->curve;
+    sphpa_crush c = sphpa_crush_quadratic(given[0], given[1], given[3]);
+    if (given[7] > 0.0) {
+        c.kind = SPHPA_CRUSH_TWO_EXPONENT;
+        c.Pt = given[2];
+        c.alpha_e = given[4];
+        c.rescale = given[4] > 0.0;
+        c.alpha_t = given[5];
+        c.n1 = given[6];
+        c.n2 = given[7];
+    }
+    c.c_e = h->c_e;
+    return h->herrmann ? herrmann(c, mat->rho0, sqrt(mat->A / mat->rho0)) : c;
+}
+
+static void test_hard_states(void **unused) {
+    (void)unused;
+    static const hard_state states[] = {
+        {"the root is where line and curve meet", "nylon", 0, 1, {52.632931116806219,
+         2542665.0816289592, 8.0240398785780922}, {8.0240398785780922, 80296749.656691283,
+         704377076693.30615, 704377076693.30615, 0, 1.4143975021811397, 1.0116884312072811,
+         9.5834783229263749}, 237.63511263728779, 1e-12, 5.1607420632141618, 80296749.656691283,
+         2.03e-12, 8.56e-07},
+        {"the same, on a curve one rounding wide", "aluminium", 0, 1, {1722.0012844005701,
+         5592040.1258347901, 1.3404136586779769}, {3.7485695395025886, 4675807701.3836298,
+         4675807701.3836308, 4675807701.3836308, 0, 1.4495104478710557, 14.193247549117261,
+         1.5393028893932268}, 3869.4672186222979, 1e-12, 1.3404136586779769, 4675807701.3836298,
+         2.01e-12, 0.063},
+        {"a line from one rounding above 1", "aluminium", 0, 1, {9043.5634226960246,
+         2740951.3393326858, 1.0000000000000002}, {1.0023077304891062, 585096155819.38257, 0,
+         590730911950.36316, 0, 0, 0, 0}, 3252.2972765870095, 1e-14, 1.0000000368175719,
+         586396056035.67542, 5.17e-07, 0.0245},
+        {"the foot of a line whose closed form cancels", "aluminium", 0, 1,
+         {1.7748174078892763e-10, 66234518.856267244, 48.746088525595596}, {48.746088525595596,
+         6064868.7244934225, 180342556.28805336, 241413017.90013799, 0, 8.0904483017030842,
+         3.389139758602171, 2.0335599785622067}, 330.8781996346616, 1e-14, 48.746088478532847,
+         0.0058777088534636814, 3.66e-13, 6.26e-17},
+        {"a line from 2e-12 above 1", "granite", 0, 1, {16272.041321063574, 0,
+         1.0000000000019587}, {1.5090438011529281, 554280505705.24194, 0, 941299218194.96301, 0,
+         0, 0, 0}, 1619.2345524842908, 1e-09, 1.0987846696519739, 619831134111.33423, 5e-07,
+         1.33e+03},
+        {"next to a knee with a kink", "water", 0, 0, {1701.3257610200264, 810150.17243741429,
+         8.0230348260429025}, {16.801011574498101, 37458623.415114187, 9303577494.5262489,
+         9676942301.4440784, 0, 15.387193087889802, 1, 3}, 0, 1e-14, 1.0008360165849561,
+         9303577494.5399952, 2.45e-14, 0.0015},
+        {"the same, two straight pieces", "nylon", 1, 0, {639.84700242986537, 0,
+         7.6758691111549506}, {7.9280889071470151, 182372278.6557155, 205848433.5363754,
+         224193637.32009843, 7.0608097182719529, 2.828333933180271, 1, 1}, 0, 1e-12,
+         1.9167749227597062, 205848433.53646696, 2.01e-12, 0.00692},
+        {"a narrow dip, Pt one rounding above Pe", "ice", 1, 0, {59.692236575108957,
+         190172801.8552112, 86.046524822471412}, {100, 3405551963.4947019, 3405551963.4947023,
+         5613111914.3495264, 0, 1, 8, 1}, 0, 1e-12, 13.379609281994821, 3405551963.4947019,
+         2.05e-12, 6.1e-05},
+        {"a dip below a knee that bends without end", "nylon", 1, 0, {115.58823478028253,
+         2056455.4265995456, 20.644154282843932}, {44.124105924527797, 267213121.75720814,
+         367867080.60714692, 806774768.44168162, 0, 9.8359550905811641, 1.2042533902150674,
+         1.1104845315790055}, 0, 1e-12, 7.9643835022847149, 371308180.54050565, 2.14e-12,
+         2.02e-05},
+        {"a high power makes much of the last digit", "ice", 1, 0, {22.520757564335909,
+         23670522.342807412, 29.611804655740393}, {29.611804655740393, 0, 73884593695.975571,
+         171315584559.31766, 0, 8.6873210077191025, 27.634607962779857, 2.2575662106297454}, 0,
+         1e-14, 28.382178909488974, 159556495.77192852, 1.34e-13, 1.77e-06},
+        {"P of the last parabola", "water", 1, 0, {660.61379817237764, 168022852.54456431,
+         1.3610490128733268}, {6.4093168312213882, 7726774.8518600706, 77730836814.497482,
+         147815850399.62225, 0, 4.3819669135717412, 8, 6}, 0, 1e-12, 1.0384353201425554,
+         77730836814.496338, 2.01e-12, 0.00174},
+        {"P where the guess is far above the bracket", "basalt", 0, 0, {2623.035140372092,
+         140976.98847583792, 1.0000000000000002}, {100, 3617.6554207059694, 3617.6554207059698,
+         3617.6554207059698, 0, 48.691330528346398, 27.269933784149554, 1.1658168509659648}, 0,
+         1e-12, 1, 3617.6554207568461, 2e-12, 0.0506},
+    };
+    for (size_t i = 0; i < sizeof states / sizeof states[0]; i++) {
+        const hard_state *h = &states[i];
+        sphpa_tillotson mat = material(h->material);
+        if (h->keep_B) mat.zero_B_expanded = 0;
+        sphpa_crush c = hard_curve(h, &mat);
+        double rho = h->rho_u_alpha[0], u = h->rho_u_alpha[1], alpha_old = h->rho_u_alpha[2];
+        sphpa_palpha_options opt = {h->tol, 0};
+        sphpa_palpha_solution s;
+        assert_int_equal(sphpa_palpha_solve(SPHPA_PALPHA_CRUSH_SPACE, &mat, &c, rho, u, alpha_old,
+                                            &opt, &s), SPHPA_OK);
+        ref_state ref = ref_make(&mat, &c, rho, u, alpha_old);
+        double P = (double)ref_P(&ref, L(s.alpha)); /* h->P is that of the root itself */
+        if (!(fabs(s.alpha - h->root) <= h->allowed && fabs(s.P - P) <= h->P_allowed &&
+              s.evaluations <= 40))
+            fail_msg("%s: alpha %.17g, not %.17g; P %.17g, not %.17g (at the root %.17g); %d "
+                     "evaluations", h->what, s.alpha, h->root, s.P, P, h->P, s.evaluations);
+    }
+}
+
+/* Where the curve touches alpha = 1 with a high power Newton creeps, and a short step is no bound:
+   the bracketed solvers are within their tolerance all the same, coarse or fine. */
+static void test_touching_curves(void **unused) {
+    (void)unused;
+    sphpa_tillotson mat = material("basalt");
+    sphpa_rng rng = sphpa_rng_seed(5, 11);
+    const double powers[] = {2.0, 5.0, 8.5, 16.0}, tols[] = {1e-2, 1e-4, 1e-6, 1e-9, 1e-12};
+    const int solvers[] = {SPHPA_PALPHA_BISECTION, SPHPA_PALPHA_SAFE_NEWTON,
+                           SPHPA_PALPHA_CRUSH_SPACE};
+    int inside = 0;
+    for (int i = 0; i < 3000; i++) {
+        double Ps = pow(10.0, 10.0 * sphpa_rng_uniform(&rng)); /* A tol: where it shows most */
+        sphpa_crush c = sphpa_crush_quadratic(3.9, 0.0, Ps);
+        c.kind = SPHPA_CRUSH_TWO_EXPONENT;
+        c.Pt = c.Ps;
+        c.alpha_t = 1.0; /* the first term alone, which touches at Pt */
+        c.n1 = powers[i % 4];
+        c.n2 = 1.0;
+        double alpha_old = 1.0 + 2.9 * sphpa_rng_uniform(&rng), u = 0.0;
+        double rho = mat.rho0 * (1.0 + 1.1 * Ps / mat.A * sphpa_rng_uniform(&rng));
+        if (i % 2) rho /= 1.0 + 2.9 * sphpa_rng_uniform(&rng); /* anywhere, or P(1) up to Ps */
+        ref_state ref = ref_make(&mat, &c, rho, u, alpha_old);
+        long double root = ref_solve(&ref);
+        inside += root > 1.0L && root < L(alpha_old);
+        for (int k = 0; k < 15; k++) {
+            sphpa_palpha_options opt = {tols[k % 5], 0};
+            sphpa_palpha_solution s;
+            assert_int_equal(sphpa_palpha_solve((sphpa_palpha_solver)solvers[k / 5], &mat, &c, rho,
+                                                u, alpha_old, &opt, &s), SPHPA_OK);
+            assert_near_abs(s.alpha, (double)root, 2.0 * opt.tol + 64.0 * DBL_EPSILON);
+        }
+    }
+    assert_true(inside > 1500);
+}
+
+/* next to the least number matter is a gas, whose speed is that at any low density, or the floor */
+static void test_thin_matter(void **unused) {
+    (void)unused;
+    sphpa_tillotson mat = material("pumice");
+    sphpa_crush c = sphpa_crush_pumice();
+    const double rho[] = {1e-60, 1e-200, 1e-279, 1e-281, 1e-300, 1e-310, 1e-322,
+                          4.9406564584124654e-324};
+    for (int i = 0; i < 8; i++)
+        for (int k = 0; k < 4; k++) {
+            double u = k == 0 ? 0.0 : pow(10.0, 5.0 + 3.0 * k); /* cold, or well above u_cv */
+            double gas = mat.a * (1.0 + mat.a) * u, least = 0.01 * mat.A / mat.rho0;
+            sphpa_palpha_solution s;
+            assert_int_equal(sphpa_palpha_solve(SPHPA_PALPHA_CRUSH_SPACE, &mat, &c, rho[i], u, 3.0,
+                                                NULL, &s), SPHPA_OK);
+            assert_true(s.c <= 1e12); /* infinity would be near to anything */
+            assert_near(s.c, sqrt(k == 0 ? least : gas), 1e-12);
+        }
+}
+
+/* Every number that a solve looks at has to be finite, and it looks at those of its kind alone. */
+static void test_spoilt_curves(void **unused) {
+    (void)unused;
+    enum { FIELDS = 12, QUADRATIC = 3, FLAT = 8 };
+    sphpa_tillotson mat = material("pumice");
+    const double bad[] = {(double)NAN, (double)INFINITY, -(double)INFINITY};
+    for (int kind = 0; kind < 4; kind++)
+        for (int field = 0; field < FIELDS; field++)
+            for (int b = 0; b < 3; b++) {
+                sphpa_crush c = sphpa_crush_quadratic(3.0, 1e6, 2e8);
+                if (kind % 2) c = sphpa_crush_pumice();
+                if (kind > 1) c = herrmann(c, mat.rho0, sqrt(mat.A / mat.rho0));
+                double *all[FIELDS] = {&c.alpha0, &c.Pe, &c.Ps, &c.Pt, &c.alpha_t, &c.n1,
+                                       &c.n2, &c.alpha_e, &c.c_e, &c.c_s, &c.K0, &c.alpha_y};
+                bool used = field < QUADRATIC || (field >= FLAT ? kind > 1 : kind % 2 == 1);
+                *all[field] = bad[b];
+                sphpa_palpha_solution s;
+                sphpa_result r = sphpa_palpha_solve(SPHPA_PALPHA_CRUSH_SPACE, &mat, &c, 800.0, 1e3,
+                                                    2.0, NULL, &s);
+                assert_true((r == SPHPA_OK) == !used);
+            }
+}
+
 /* tolerances down to rounding end, and tighten */
 static void test_tolerances(void **unused) {
     (void)unused;
@@ -1402,6 +1580,10 @@ int main(void) {
         cmocka_unit_test(test_solvers_other_curves),
         cmocka_unit_test(test_solvers_odd_curves),
         cmocka_unit_test(test_wrong_slopes),
+        cmocka_unit_test(test_hard_states),
+        cmocka_unit_test(test_touching_curves),
+        cmocka_unit_test(test_thin_matter),
+        cmocka_unit_test(test_spoilt_curves),
         cmocka_unit_test(test_tolerances),
         cmocka_unit_test(test_newton_cycles),
         cmocka_unit_test(test_several_roots),
