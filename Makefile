@@ -110,7 +110,7 @@ replay-eos: ## one impact with each P-alpha solver: EOS and force ms a step, are
 
 # double and float in one table: the first program leaves its answer for the second
 TOLERANCE = $(BUILD)/bench/tolerance_impact
-tolerance-impact: ## does a loose tolerance make damage ring? 1e-2 to 1e-14, double and float (five minutes)
+tolerance-impact: ## does a loose tolerance make damage ring? 1e-2 to 1e-14, double and float (five to ten minutes)
 	@+$(INNER_MAKE) $(TOLERANCE)_double $(TOLERANCE)_float
 	$(TOLERANCE)_double --out $(BUILD)/bench $(ARGS)
 	$(TOLERANCE)_float --out $(BUILD)/bench $(ARGS)

@@ -12,18 +12,20 @@
 typedef struct again_change {
     sphpa_palpha_solver solver;
     double tol;  /* [1] of alpha */
-    int nudge;   /* not 0: the speed of the nudge-th particle of the projectile, by one rounding */
+    int nudge;   /* not 0: the speed of the nudge-th particle of the projectile is changed, */
+    double size; /* [1] by this share; 0: by one rounding, the least that the state can hold */
 } again_change;
 
-/* The smallest change that the state can hold: what comes of it is the scene's own doing. */
-static void again_nudge(sphpa_particles *p, int which) {
+/* what comes of it is the scene's own doing */
+static void again_nudge(sphpa_particles *p, int which, double size) {
     for (size_t i = 0; i < p->n; i++) {
         if (p->body[i] != IMPACT_PROJECTILE || --which > 0) continue;
         sphpa_real *v = &p->v[3 * i + 2];
+        if (size > 0.0) *v = (sphpa_real)((double)*v * (1.0 - size));
 #ifdef SPHPA_FLOAT
-        *v = nextafterf(*v, 0.0f);
+        else *v = nextafterf(*v, 0.0f);
 #else
-        *v = nextafter(*v, 0.0);
+        else *v = nextafter(*v, 0.0);
 #endif
         return;
     }
@@ -48,7 +50,7 @@ static impact_run *again_begin(const impact_settings *settings, const again_chan
     sim_options.cfl = s.cfl;
     sphpa_result result = impact_bodies(&bodies, &run->scene, &run->s, NULL, &err);
     if (result == SPHPA_OK) {
-        if (change->nudge > 0) again_nudge(&bodies, change->nudge);
+        if (change->nudge > 0) again_nudge(&bodies, change->nudge, change->size);
         result = sphpa_sim_create(&run->sim, &run->scene.scene, &bodies, &sim_options, &err);
     }
     sphpa_particles_free(&bodies);

@@ -118,7 +118,7 @@ static void replay_all(const impact_settings *s, const replay_options *o,
     for (int r = 0; r < repeats; r++)
         for (int turn = 0; turn < REPLAY_SOLVERS; turn++) {
             int k = (turn + r) % REPLAY_SOLVERS;
-            again_change change = {replay_solvers[k], o->tol, 0};
+            again_change change = {replay_solvers[k], o->tol, 0, 0.0};
             replay_one(s, &change, o->steps, NULL, &runs[k]);
             const double part[4] = {runs[k].eos, runs[k].gradients, runs[k].forces, runs[k].step};
             for (int q = 0; q < 4; q++) sample[k][q][r] = part[q];
@@ -132,7 +132,7 @@ static void replay_all(const impact_settings *s, const replay_options *o,
         runs[k].forces = bench_median(sample[k][2], repeats, &unused);
         runs[k].step = bench_median(sample[k][3], repeats, &unused);
     }
-    again_change nudged = {SPHPA_PALPHA_CRUSH_SPACE, o->tol, 1};
+    again_change nudged = {SPHPA_PALPHA_CRUSH_SPACE, o->tol, 1, 0.0};
     replay_one(s, &nudged, o->steps, NULL, &runs[REPLAY_SOLVERS]);
 }
 
@@ -199,8 +199,8 @@ static void replay_print_times(const replay_run runs[REPLAY_RUNS],
           "\n"
           "Quoted, of GASPHiA: EOS 2.8 ms a step by bisection, 0.237 by safe Newton, right-hand\n"
           "side 2.4 (so 117 % and 9.9 % of it). Another machine, a GPU, another number of\n"
-          "particles: only the shares say something here. Every solver here tests both ends first,\n"
-          "which is the end of it for most states; so bisection, too, is quick in a run.\n",
+          "particles: only the shares say something here. Every solver here tests both ends\n"
+          "first, which is the end of it for most states; so bisection, too, is quick in a run.\n",
           stdout);
 }
 
@@ -230,12 +230,13 @@ static void replay_print_states(const replay_states *states,
 }
 
 /* records an impact's states, solves and prints; what is allocated goes with the program */
-static void replay_same_states(const impact_settings *s, const replay_options *o, size_t particles) {
+static void replay_same_states(const impact_settings *s, const replay_options *o,
+                               size_t particles) {
     replay_states states = {0, particles * (size_t)o->steps, particles, NULL, NULL, NULL};
     states.rho = again_doubles(states.room);
     states.u = again_doubles(states.room);
     states.alpha_old = again_doubles(states.room);
-    again_change change = {SPHPA_PALPHA_CRUSH_SPACE, o->tol, 0};
+    again_change change = {SPHPA_PALPHA_CRUSH_SPACE, o->tol, 0, 0.0};
     sphpa_module recorder = replay_recorder(&states);
     replay_run recorded;
     memset(&recorded, 0, sizeof recorded);
@@ -272,11 +273,11 @@ static void replay_print_runs(const replay_run runs[REPLAY_RUNS], const replay_o
                replay_names[k], most[0], sqrt(square[0]), most[1], sqrt(square[1]), runs[k].drift);
         if (k < REPLAY_SOLVERS) worst = fmax(worst, most[0]);
     }
-    printf("\nAt most %.1f tol. nudged: one particle's speed changed by one rounding. Each solve is\n"
-           "within tol = %g of its root, but the runs feed on their own results: a difference of\n"
-           "tol goes into the forces of every step that loads, and from there it grows or fades as\n"
-           "a rounding's does. The nudged run shows how much one rounding comes to; there is no\n"
-           "other bound than that growth.\n", worst / o->tol, o->tol);
+    printf("\nAt most %.1f tol. nudged: one particle's speed changed by one rounding. Each solve\n"
+           "is within tol = %g of its root, but the runs feed on their own results: a difference\n"
+           "of tol goes into the forces of every step that loads, and grows or fades from there\n"
+           "as a rounding's does. The nudged run shows how much one rounding comes to; no other\n"
+           "bound is there than that growth.\n", worst / o->tol, o->tol);
 }
 
 static void replay_print_about(const impact_settings *s, const replay_options *o) {
