@@ -3693,9 +3693,9 @@ SPHPA_FORCE_INLINE_ void sphpa_crush_shape_of_(const sphpa_crush *curve,
     shape->c = shape->alpha_knee = 1.0;
     shape->k1 = 0.0;
     shape->k2 = shape->top - 1.0;
-    shape->n2 = 2.0;
-    shape->inv_n2 = 0.5;
-    shape->m2 = 1;
+    shape->n1 = shape->n2 = 2.0;
+    shape->inv_n1 = shape->inv_n2 = 0.5;
+    shape->m1 = shape->m2 = 1;
     if (shape->dense) return;
     if (shape->herrmann) {
         sphpa_crush_shape_line_(curve, shape);
@@ -5334,16 +5334,19 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_next_(const sphpa_crush_shape_ *sha
 SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_last_(const sphpa_palpha_common_ *common,
                                                    const sphpa_palpha_parabola_ *matrix,
                                                    const sphpa_palpha_step_ *step,
-                                                   const sphpa_palpha_place_ *to, double small,
-                                                   const sphpa_palpha_lanes_ *x, size_t i) {
+                                                   const sphpa_palpha_place_ *to, double P,
+                                                   double small, const sphpa_palpha_lanes_ *x,
+                                                   size_t i) {
     double at = matrix->alpha, from = x->from[i], size = fabs(to->alpha - at);
     double before = sphpa_min_(fabs(at - from), 0.5 * at), cube = size * size * size;
     double slope = step->H1 + step->H2 * step->ds, rho = x->rho[i], kink = common->mat.rho0;
     double low = sphpa_min_(sphpa_min_(from, at), to->alpha);
     double high = sphpa_max_(sphpa_max_(from, at), to->alpha);
     double change = fabs(matrix->Y2 - x->Y2[i]) * to->alpha1;
-    double yes = 100.0 * size * cube <= small * (before * before * before) ? 1.0 : 0.0;
-    yes = sphpa_palpha_and_(yes, 10.0 * change * cube <= small * slope * before);
+    double exact = small * fabs(matrix->Y1 - P) + 8.0 * DBL_EPSILON * fabs(matrix->Y);
+    double allowed = sphpa_min_(small * slope, exact * to->alpha1);
+    double yes = 100.0 * size * cube * slope <= allowed * (before * before * before) ? 1.0 : 0.0;
+    yes = sphpa_palpha_and_(yes, 10.0 * change * cube <= allowed * before);
     return sphpa_palpha_and_(high * rho < kink ? 1.0 : low * rho >= kink ? 1.0 : 0.0, yes > 0.0);
 }
 
@@ -5388,7 +5391,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_round_(const sphpa_palpha_common_ *co
     double tiny = sphpa_palpha_and_(fabs(step.ds) <= 1e-7 ? 1.0 : 0.0, fabs(near) <= small);
     tiny = sphpa_palpha_and_(tiny, fabs(same) + rest <= 0.0);
     double brief = sphpa_palpha_and_(inside, fabs(to.alpha - at.alpha) + fabs(same) <= small);
-    double last = sphpa_palpha_lane_last_(common, &matrix, &step, &to, small, x, i), meets;
+    double last = sphpa_palpha_lane_last_(common, &matrix, &step, &to, at.P, small, x, i), meets;
     if (way == SPHPA_CRUSH_SQUARE_) {
         last = sphpa_palpha_and_(last, sphpa_palpha_halley_good_(&matrix, &step, &at, small,
                                                                  to.alpha - at.alpha));
