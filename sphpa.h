@@ -4664,7 +4664,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
             sphpa_palpha_polish_(task, way, &matrix, &in, &to);
         double move = to.alpha - at.alpha;
         if (inside && fabs(move) <= small && (at.s > 0.0) == (to.s > 0.0) &&
-            (way != SPHPA_CRUSH_ANY_ || fabs(step.H * at.alpha1) <= small * step.H1))
+            (way == SPHPA_CRUSH_SQUARE_ || fabs(step.H * at.alpha1) <= small * step.H1))
             break; /* an odd curve may bend so much that Halley hardly moves: Newton has to agree */
         smooth = smooth && inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
         if (way != SPHPA_CRUSH_ANY_ && exact && smooth &&
@@ -5363,6 +5363,8 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_meets_(const sphpa_crush_shape_ *sh
     double shorter = 1e-3 * fabs(to->alpha - at->alpha);
     double yes = fabs(further.alpha - to->alpha) <= shorter ? 1.0 : 0.0;
     yes = sphpa_palpha_and_(sphpa_palpha_and_(yes, further.s > lo), further.s < hi);
+    double least = sphpa_min_(at->s, further.s), most = sphpa_max_(at->s, further.s);
+    yes = sphpa_palpha_and_(yes, sphpa_min_(least, to->s) > 0.0 || sphpa_max_(most, to->s) <= 0.0);
     to->s = yes > 0.0 ? further.s : to->s;
     to->alpha = yes > 0.0 ? further.alpha : to->alpha;
     to->P = yes > 0.0 ? further.P : to->P;
@@ -5391,6 +5393,8 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_round_(const sphpa_palpha_common_ *co
     double tiny = sphpa_palpha_and_(fabs(step.ds) <= 1e-7 ? 1.0 : 0.0, fabs(near) <= small);
     tiny = sphpa_palpha_and_(tiny, fabs(same) + rest <= 0.0);
     double brief = sphpa_palpha_and_(inside, fabs(to.alpha - at.alpha) + fabs(same) <= small);
+    if (way != SPHPA_CRUSH_SQUARE_) /* Newton has to agree */
+        brief = sphpa_palpha_and_(brief, fabs(step.H) * at.alpha1 <= small * step.H1);
     double last = sphpa_palpha_lane_last_(common, &matrix, &step, &to, at.P, small, x, i), meets;
     if (way == SPHPA_CRUSH_SQUARE_) {
         last = sphpa_palpha_and_(last, sphpa_palpha_halley_good_(&matrix, &step, &at, small,
@@ -5404,6 +5408,8 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_round_(const sphpa_palpha_common_ *co
     to.alpha = tiny > 0.0 ? at.alpha + near : to.alpha;
     to.alpha = rest > 0.0 ? at.alpha : to.alpha;
     to.P = rest + tiny > 0.0 ? at.P : to.P;
+    to.P1 = rest + tiny > 0.0 ? at.P1 : to.P1;
+    to.alpha1 = rest + tiny > 0.0 ? at.alpha1 : to.alpha1;
     sphpa_palpha_lane_settle_(common, &matrix, &eos, &to, 1.0 - closed, x, i);
     double done = sphpa_max_(sphpa_max_(rest, tiny), sphpa_max_(brief, last));
     x->done[i] = sphpa_palpha_and_(done, fabs(matrix.Y) + fabs(matrix.Y1) <= DBL_MAX);
