@@ -4927,13 +4927,41 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_crush_space_(sphpa_palpha_eval_ eval, sphp
 
 /* ---- calls ----------------------------------------------------------------------------------- */
 
-/* The alpha from which up rho_s dPeos/drho_s >= Peos, so that P of eq. 1 never falls with alpha; 0:
-   for every alpha >= 1. Cold (and compressed): the difference is A + B (eta^2 - 1), and a thermal
-   2 b rho u f (1 - f), f = 1/w. Vapour: divided by exp(-alpha z^2) it is b rho0 u f and more, less A
-   exp(-beta z)(beta z + 2 alpha z^2 - 1), which is negative up to z1 = (sqrt(beta^2 + 8 alpha) -
-   beta)/(4 alpha). Beyond it the first has to hold the second: with f at its least (at rho), and
-   exp(-beta z)(..)/(2 alpha z) at most (1/e + 0.0758 beta^2/(2 alpha))/beta. The hybrid state blends
-   the two at constant u. A cut-off only acts below Pe, where F does not see P. */
+/* Where P of eq. 1 never falls with alpha: D = rho_s dPeos/drho_s - Peos >= 0. In the vapour, with
+   z = rho0/rho_s - 1, y = 1 + z, f = 1/w = E0/(E0 + u y^2),
+     D = exp(-alpha z^2) 2 alpha z [b rho0 u f (1 + (1 - f)/(alpha z y)) - A g],
+     g = (beta/(2 alpha) + z - 1/(2 alpha z)) exp(-beta z).
+   So D >= 0 everywhere if u (b rho0 E0 - A y^2 g) >= A E0 g there; most: g and y^2 g are at most
+   that, term by term. The hybrid state blends D with the cold one, A + B (eta^2 - 1) and a thermal
+   part >= 0; and exp(-alpha z^2) 2 alpha z g <= max (2 r - 1) exp(-r) < 0.4463. alpha or beta 0:
+   infinite, nothing is known. */
+typedef struct sphpa_palpha_hump_ {
+    double g, y2g;
+} sphpa_palpha_hump_;
+
+SPHPA_FORCE_INLINE_ sphpa_palpha_hump_ sphpa_palpha_hump_of_(const sphpa_tillotson *mat) {
+    double x = 1.0 / mat->beta, k = mat->beta * mat->beta / mat->alpha;
+    sphpa_palpha_hump_ most;
+    most.g = (0.3679 + 0.0379 * k) * x;
+    most.y2g = (0.3679 + x * (1.0828 + x * 1.3444) + k * (0.0379 + x * (0.1354 + x * 0.1546))) * x;
+    return most;
+}
+
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_vapour_rises_(const sphpa_tillotson *mat,
+                                                    const sphpa_palpha_hump_ *most, double eta,
+                                                    double u) {
+    double gain = u * (mat->b * mat->rho0 * mat->E0 - mat->A * most->y2g);
+    double need = mat->A * mat->E0 * most->g;
+    if (gain >= need) return true;
+    if (!(u < mat->u_cv && need <= DBL_MAX)) return false;
+    double cold = mat->zero_B_expanded != 0 ? mat->A : mat->A - mat->B * (1.0 - eta * eta);
+    double lost = 0.4463 * mat->A * (gain > 0.0 ? 1.0 - gain / need : 1.0);
+    return (mat->u_cv - u) * cold >= (u - mat->u_iv) * lost;
+}
+
+/* The alpha from which up P of eq. 1 never falls with alpha; 0: for every alpha >= 1. Cold: where
+   A + B (eta^2 - 1) >= 0. Vapour that may fall: up to z1, where g = 0. A cut-off only acts below Pe,
+   where F does not see P. */
 SPHPA_PRIVATE_ double sphpa_palpha_rising_(const sphpa_tillotson *mat, double rho, double u) {
     double eta = rho / mat->rho0, from = 0.0;
     if (mat->B < 0.0) return HUGE_VAL; /* it falls somewhere above */
@@ -4943,10 +4971,9 @@ SPHPA_PRIVATE_ double sphpa_palpha_rising_(const sphpa_tillotson *mat, double rh
         if (mat->B * eta * eta < lost) from = sqrt(lost / mat->B);
     }
     if (u > mat->u_iv) {
-        double alpha = mat->alpha, beta = mat->beta, heat = mat->E0 * eta * eta;
-        double m = (0.3679 + 0.0379 * beta * beta / alpha) / beta; /* alpha or beta 0: infinite */
-        if (!(mat->b * mat->rho0 * u * heat >= mat->A * m * (heat + u))) {
-            double z1 = 2.0 / (beta + sqrt(beta * beta + 8.0 * alpha));
+        sphpa_palpha_hump_ most = sphpa_palpha_hump_of_(mat);
+        if (!sphpa_palpha_vapour_rises_(mat, &most, eta, u)) {
+            double beta = mat->beta, z1 = 2.0 / (beta + sqrt(beta * beta + 8.0 * mat->alpha));
             from = sphpa_max_(from, 1.0 / (1.0 + z1));
         }
     }
