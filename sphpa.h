@@ -4194,13 +4194,20 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_matrix_at_(sphpa_palpha_eval_ eval, sphpa_
     return task->result == SPHPA_OK;
 }
 
-/* eq. 1, 4 at alpha */
+/* eq. 1, 4 where the matrix has been evaluated */
+SPHPA_FORCE_INLINE_ void sphpa_palpha_meet_curve_(const sphpa_palpha_task_ *task,
+                                                  sphpa_crush_way_ way,
+                                                  sphpa_palpha_point_ *point) {
+    point->P = point->matrix.P / point->alpha;
+    point->F = point->alpha - sphpa_palpha_target_(task, way, point->P, &point->slope);
+}
+
+/* the same at alpha */
 SPHPA_FORCE_INLINE_ bool sphpa_palpha_at_(sphpa_palpha_eval_ eval, sphpa_crush_way_ way,
                                           sphpa_palpha_task_ *task, double alpha,
                                           sphpa_palpha_point_ *point) {
     if (!sphpa_palpha_matrix_at_(eval, task, alpha, point)) return false;
-    point->P = point->matrix.P / alpha;
-    point->F = alpha - sphpa_palpha_target_(task, way, point->P, &point->slope);
+    sphpa_palpha_meet_curve_(task, way, point);
     return true;
 }
 
@@ -4914,12 +4921,14 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_locate_(sphpa_palpha_eval_ eval, sphpa_cru
     return false;
 }
 
+/* *point: the matrix at task->cap has been evaluated */
 SPHPA_FORCE_INLINE_ void sphpa_palpha_crush_space_(sphpa_palpha_eval_ eval, sphpa_crush_way_ way,
                                                    sphpa_palpha_task_ *task,
                                                    sphpa_palpha_point_ *point) {
     sphpa_palpha_bracket_ in;
     double s;
-    if (!sphpa_palpha_at_(eval, way, task, task->cap, point) || point->F <= 0.0) return;
+    sphpa_palpha_meet_curve_(task, way, point);
+    if (point->F <= 0.0) return;
     if (!sphpa_palpha_locate_(eval, way, task, &in, &s, point)) return;
     sphpa_palpha_close_in_(eval, way, task, in, s, point,
                            sphpa_palpha_parabola_of_(task, point, NULL));
@@ -5004,7 +5013,8 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_material_ok_(const sphpa_tillotson *mat) {
 /* what a call brings besides states; shape and options once a batch */
 typedef struct sphpa_palpha_call_ {
     sphpa_crush_shape_ shape;
-    double tol;
+    double alpha0, Pe, tol;
+    bool flat; /* no elastic line */
     int max_iterations;
     sphpa_palpha_solver solver;
 } sphpa_palpha_call_;
@@ -5018,6 +5028,9 @@ SPHPA_PRIVATE_ sphpa_result sphpa_palpha_open_(sphpa_palpha_solver solver, const
     if (result != SPHPA_OK) return result;
     if (!sphpa_crush_prepared_(curve)) return SPHPA_ERROR_MISSING;
     call->solver = solver;
+    call->alpha0 = curve->alpha0;
+    call->Pe = curve->Pe;
+    call->flat = curve->elastic == SPHPA_CRUSH_FLAT;
     call->tol = 1e-12;
     call->max_iterations = 100;
     if (opt != NULL) {
@@ -5026,20 +5039,24 @@ SPHPA_PRIVATE_ sphpa_result sphpa_palpha_open_(sphpa_palpha_solver solver, const
         if (opt->tol > 0.0) call->tol = opt->tol;
         if (opt->max_iterations > 0) call->max_iterations = opt->max_iterations;
     }
-    sphpa_crush_shape_of_(curve, &call->shape);
     return SPHPA_OK;
 }
 
-/* checks one state and clamps alpha_old's last 4 ulp */
-SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_begin_(const sphpa_palpha_call_ *call,
-                                                     const void *material, double rho, double u,
-                                                     double alpha_old, sphpa_palpha_task_ *task) {
-    double alpha0 = call->shape.alpha0;
+SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_check_(double alpha0, double rho, double u,
+                                                     double alpha_old) {
     if (!sphpa_finite_(rho) || !sphpa_finite_(u) || !sphpa_finite_(alpha_old))
         return SPHPA_ERROR_NOT_FINITE;
     if (!(rho > 0.0) || u < 0.0) return SPHPA_ERROR_NEGATIVE;
     if (alpha_old < 1.0 - 4.0 * DBL_EPSILON || alpha_old > alpha0 + 4.0 * DBL_EPSILON * alpha0)
         return SPHPA_ERROR_ALPHA;
+    return SPHPA_OK;
+}
+
+/* a state that passed sphpa_palpha_check_; clamps alpha_old's last 4 ulp */
+SPHPA_FORCE_INLINE_ void sphpa_palpha_begin_(const sphpa_palpha_call_ *call, const void *material,
+                                             double rho, double u, double alpha_old,
+                                             sphpa_palpha_task_ *task) {
+    double alpha0 = call->alpha0;
     task->shape = &call->shape;
     task->evaluations = task->iterations = task->fell_back = 0;
     task->rising = HUGE_VAL;
@@ -5061,7 +5078,6 @@ SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_begin_(const sphpa_palpha_call_ *c
         double at_cap = line.Py + sphpa_crush_phi_(&call->shape, line.alpha_y, line.rest);
         task->foot = line.rest < alpha0 || fabs(at_cap) <= DBL_EPSILON * line.Py;
     }
-    return SPHPA_OK;
 }
 
 SPHPA_FORCE_INLINE_ double sphpa_palpha_floor2_(const sphpa_tillotson *mat) {
@@ -5088,42 +5104,57 @@ SPHPA_NO_INLINE_ double sphpa_palpha_c_thin_(sphpa_palpha_eval_ eval,
     return sphpa_palpha_c_(&denser, SPHPA_PALPHA_THIN_, task->floor2);
 }
 
-SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_run_(sphpa_palpha_eval_ eval,
-                                                   sphpa_palpha_solver solver,
-                                                   sphpa_crush_way_ way, sphpa_palpha_task_ *task,
-                                                   sphpa_palpha_solution *out) {
-    sphpa_palpha_point_ point;
-    if (!(task->cap > 1.0)) (void)sphpa_palpha_at_(eval, way, task, 1.0, &point);
-    else if (solver == SPHPA_PALPHA_CRUSH_SPACE)
-        sphpa_palpha_crush_space_(eval, way, task, &point);
-    else if (sphpa_palpha_ends_(eval, way, task, &point)) (void)0;
-    else if (solver == SPHPA_PALPHA_BISECTION) sphpa_palpha_bisect_(eval, way, task, &point);
-    else if (solver == SPHPA_PALPHA_NEWTON) sphpa_palpha_newton_(eval, way, task, &point);
-    else sphpa_palpha_safe_newton_(eval, way, task, &point);
+/* *point is the answer */
+SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_answer_(sphpa_palpha_eval_ eval,
+                                                      const sphpa_palpha_task_ *task,
+                                                      const sphpa_palpha_point_ *point,
+                                                      sphpa_palpha_solution *out) {
     if (task->result != SPHPA_OK && task->result != SPHPA_ERROR_NOT_CONVERGED) return task->result;
-    out->alpha = point.alpha;
-    out->P = point.P;
-    double rho_s = point.alpha * task->rho;
-    out->c = rho_s < SPHPA_PALPHA_THIN_ ? sphpa_palpha_c_thin_(eval, task, &point.matrix)
-                                        : sphpa_palpha_c_(&point.matrix, rho_s, task->floor2);
-    out->residual = point.F;
+    out->alpha = point->alpha;
+    out->P = point->P;
+    double rho_s = point->alpha * task->rho;
+    out->c = rho_s < SPHPA_PALPHA_THIN_ ? sphpa_palpha_c_thin_(eval, task, &point->matrix)
+                                        : sphpa_palpha_c_(&point->matrix, rho_s, task->floor2);
+    out->residual = point->F;
     out->evaluations = task->evaluations;
     out->iterations = task->iterations;
     out->fell_back = task->fell_back;
     return task->result;
 }
 
+SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_run_(sphpa_palpha_eval_ eval,
+                                                   sphpa_palpha_solver solver,
+                                                   sphpa_crush_way_ way, sphpa_palpha_task_ *task,
+                                                   sphpa_palpha_solution *out) {
+    sphpa_palpha_point_ point;
+    if (!(task->cap > 1.0)) (void)sphpa_palpha_at_(eval, way, task, 1.0, &point);
+    else if (solver == SPHPA_PALPHA_CRUSH_SPACE) {
+        if (sphpa_palpha_matrix_at_(eval, task, task->cap, &point))
+            sphpa_palpha_crush_space_(eval, way, task, &point);
+    } else if (sphpa_palpha_ends_(eval, way, task, &point)) (void)0;
+    else if (solver == SPHPA_PALPHA_BISECTION) sphpa_palpha_bisect_(eval, way, task, &point);
+    else if (solver == SPHPA_PALPHA_NEWTON) sphpa_palpha_newton_(eval, way, task, &point);
+    else sphpa_palpha_safe_newton_(eval, way, task, &point);
+    return sphpa_palpha_answer_(eval, task, &point, out);
+}
+
 /* The fast solver once for each way of a curve, the others for the quadratic one and for any;
-   Tillotson's equations inlined */
+   Tillotson's equations inlined. */
 SPHPA_NO_INLINE_ sphpa_result sphpa_palpha_run_crush_space_(sphpa_palpha_task_ *task,
+                                                            sphpa_palpha_point_ *point,
                                                             sphpa_palpha_solution *out) {
-    const sphpa_palpha_solver fast = SPHPA_PALPHA_CRUSH_SPACE;
-    const sphpa_crush_way_ square = SPHPA_CRUSH_SQUARE_, powers = SPHPA_CRUSH_POWERS_;
-    if (task->shape->way == square)
-        return sphpa_palpha_run_(sphpa_palpha_eval_tillotson_, fast, square, task, out);
-    if (task->shape->way == powers)
-        return sphpa_palpha_run_(sphpa_palpha_eval_tillotson_, fast, powers, task, out);
-    return sphpa_palpha_run_(sphpa_palpha_eval_tillotson_, fast, SPHPA_CRUSH_ANY_, task, out);
+    const sphpa_palpha_eval_ eval = sphpa_palpha_eval_tillotson_;
+    if (!(task->cap > 1.0)) {
+        point->P = point->matrix.P;
+        point->F = 0.0;
+    } else if (task->shape->way == SPHPA_CRUSH_SQUARE_) {
+        sphpa_palpha_crush_space_(eval, SPHPA_CRUSH_SQUARE_, task, point);
+    } else if (task->shape->way == SPHPA_CRUSH_POWERS_) {
+        sphpa_palpha_crush_space_(eval, SPHPA_CRUSH_POWERS_, task, point);
+    } else {
+        sphpa_palpha_crush_space_(eval, SPHPA_CRUSH_ANY_, task, point);
+    }
+    return sphpa_palpha_answer_(eval, task, point, out);
 }
 
 #define SPHPA_PALPHA_INSTANCE_(name, solver)                                                       \
@@ -5139,30 +5170,75 @@ SPHPA_PALPHA_INSTANCE_(sphpa_palpha_run_newton_, SPHPA_PALPHA_NEWTON)
 SPHPA_PALPHA_INSTANCE_(sphpa_palpha_run_safe_newton_, SPHPA_PALPHA_SAFE_NEWTON)
 #undef SPHPA_PALPHA_INSTANCE_
 
+/* a cut-off; the pores do not see it: P < Pe either way */
+SPHPA_FORCE_INLINE_ double sphpa_palpha_cut_(const sphpa_tillotson *mat, double rho, double alpha,
+                                             double P) {
+    double least = sphpa_tillotson_least_(mat, alpha * rho) / alpha;
+    return P < least ? least : P;
+}
+
+/* Most states of a run end here: alpha_old is evaluated, and P there is below Pe, or there are no
+   pores. No curve is needed for that. False: the matrix there is in *point. */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_elastic_(const sphpa_tillotson *mat, double Pe, double alpha,
+                                               double rho, double u, sphpa_palpha_point_ *point,
+                                               sphpa_palpha_solution *out) {
+    double rho_s = alpha * rho;
+    (void)sphpa_palpha_eval_tillotson_(mat, rho_s, u, &point->matrix);
+    double P = point->matrix.P / alpha;
+    point->alpha = alpha;
+    if ((!(P < Pe) && alpha > 1.0) || rho_s < SPHPA_PALPHA_THIN_ || !(fabs(P) <= DBL_MAX))
+        return false;
+    out->alpha = alpha;
+    out->P = P < 0.0 ? sphpa_palpha_cut_(mat, rho, alpha, P) : P;
+    out->c = sphpa_palpha_c_(&point->matrix, rho_s, sphpa_palpha_floor2_(mat));
+    out->residual = 0.0;
+    out->evaluations = 1;
+    out->iterations = out->fell_back = 0;
+    return true;
+}
+
+/* crush-space, where alpha_old is evaluated already if `known` */
+SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_fast_(const sphpa_tillotson *mat, bool known,
+                                                    sphpa_palpha_task_ *task,
+                                                    sphpa_palpha_point_ *point,
+                                                    sphpa_palpha_solution *out) {
+    if (!known) {
+        if (!sphpa_palpha_matrix_at_(sphpa_palpha_eval_tillotson_, task, task->cap, point))
+            return task->result;
+    } else {
+        task->evaluations = 1;
+        if (!sphpa_finite_(point->matrix.P)) return SPHPA_ERROR_NOT_FINITE;
+    }
+    task->rising = sphpa_palpha_rising_(mat, task->rho, task->u);
+    return sphpa_palpha_run_crush_space_(task, point, out);
+}
+
+/* One state. `make`: where the call's shape has yet to be made of `curve`, if it is needed; NULL: it
+   is there. */
 SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_one_(const sphpa_palpha_call_ *call,
+                                                   sphpa_crush_shape_ *make,
+                                                   const sphpa_crush *curve,
                                                    const sphpa_tillotson *mat, double rho,
                                                    double u, double alpha_old,
                                                    sphpa_palpha_solution *out) {
     sphpa_palpha_task_ task;
-    sphpa_result result = sphpa_palpha_begin_(call, mat, rho, u, alpha_old, &task);
+    sphpa_palpha_point_ point;
+    sphpa_result result = sphpa_palpha_check_(call->alpha0, rho, u, alpha_old);
     if (result != SPHPA_OK) return result;
+    bool fast = call->solver == SPHPA_PALPHA_CRUSH_SPACE, known = fast && call->flat;
+    if (known && sphpa_palpha_elastic_(mat, call->Pe, sphpa_clamp_(alpha_old, 1.0, call->alpha0),
+                                       rho, u, &point, out))
+        return SPHPA_OK;
+    if (make != NULL) sphpa_crush_shape_of_(curve, make);
+    sphpa_palpha_begin_(call, mat, rho, u, alpha_old, &task);
     task.kink = mat->rho0 / rho;
     task.floor2 = sphpa_palpha_floor2_(mat);
-    if (call->solver == SPHPA_PALPHA_CRUSH_SPACE) {
-        task.rising = sphpa_palpha_rising_(mat, rho, u);
-        result = sphpa_palpha_run_crush_space_(&task, out);
-    } else if (call->solver == SPHPA_PALPHA_BISECTION) {
-        result = sphpa_palpha_run_bisection_(&task, out);
-    } else if (call->solver == SPHPA_PALPHA_NEWTON) {
-        result = sphpa_palpha_run_newton_(&task, out);
-    } else {
-        result = sphpa_palpha_run_safe_newton_(&task, out);
-    }
+    if (fast) result = sphpa_palpha_fast_(mat, known, &task, &point, out);
+    else if (call->solver == SPHPA_PALPHA_BISECTION) result = sphpa_palpha_run_bisection_(&task, out);
+    else if (call->solver == SPHPA_PALPHA_NEWTON) result = sphpa_palpha_run_newton_(&task, out);
+    else result = sphpa_palpha_run_safe_newton_(&task, out);
     if (result != SPHPA_OK && result != SPHPA_ERROR_NOT_CONVERGED) return result;
-    if (out->P < 0.0) { /* a cut-off; the pores do not see it: P < Pe either way */
-        double least = sphpa_tillotson_least_(mat, out->alpha * rho) / out->alpha;
-        if (out->P < least) out->P = least;
-    }
+    if (out->P < 0.0) out->P = sphpa_palpha_cut_(mat, rho, out->alpha, out->P);
     return result;
 }
 
@@ -5181,7 +5257,7 @@ SPHPA_DEF sphpa_result sphpa_palpha_solve(sphpa_palpha_solver solver, const sphp
     sphpa_result result = sphpa_palpha_open_(solver, curve, opt, &call);
     if (result != SPHPA_OK) return result;
     if (!sphpa_palpha_material_ok_(mat)) return SPHPA_ERROR_MATERIAL;
-    return sphpa_palpha_one_(&call, mat, rho, u, alpha_old, out);
+    return sphpa_palpha_one_(&call, &call.shape, curve, mat, rho, u, alpha_old, out);
 }
 
 SPHPA_DEF sphpa_result sphpa_palpha_solve_eos(sphpa_palpha_solver solver, const sphpa_eos *eos,
@@ -5196,8 +5272,10 @@ SPHPA_DEF sphpa_result sphpa_palpha_solve_eos(sphpa_palpha_solver solver, const 
                                   alpha_old, opt, out);
     sphpa_result result = sphpa_palpha_open_(solver, curve, opt, &call);
     if (result != SPHPA_OK) return result;
-    result = sphpa_palpha_begin_(&call, eos, rho, u, alpha_old, &task);
+    result = sphpa_palpha_check_(call.alpha0, rho, u, alpha_old);
     if (result != SPHPA_OK) return result;
+    sphpa_crush_shape_of_(curve, &call.shape);
+    sphpa_palpha_begin_(&call, eos, rho, u, alpha_old, &task);
     if (solver == SPHPA_PALPHA_CRUSH_SPACE && eos->material != NULL)
         task.rising = sphpa_palpha_rising_any_(eos);
     return sphpa_palpha_run_(sphpa_palpha_eval_any_, solver, SPHPA_CRUSH_ANY_, &task, out);
@@ -5504,7 +5582,7 @@ SPHPA_PRIVATE_ void sphpa_palpha_stats_clear_(sphpa_palpha_stats *stats, size_t 
 SPHPA_PRIVATE_ sphpa_result sphpa_palpha_batch_one_(const sphpa_palpha_batch_ *batch, size_t i,
                                                     int spent, sphpa_palpha_stats *stats) {
     sphpa_palpha_solution state;
-    sphpa_result result = sphpa_palpha_one_(batch->call, &batch->common.mat, batch->rho[i],
+    sphpa_result result = sphpa_palpha_one_(batch->call, NULL, NULL, &batch->common.mat, batch->rho[i],
                                             batch->u[i], batch->alpha_old[i], &state);
     if (stats->status != NULL) stats->status[i] = (unsigned char)result;
     if (result != SPHPA_OK) {
@@ -5697,6 +5775,7 @@ SPHPA_DEF sphpa_result sphpa_palpha_solve_batch(sphpa_palpha_solver solver,
     sphpa_result result = sphpa_palpha_open_(solver, curve, opt, &call);
     if (result != SPHPA_OK) return result;
     if (!sphpa_palpha_material_ok_(mat)) return SPHPA_ERROR_MATERIAL;
+    sphpa_crush_shape_of_(curve, &call.shape);
     memset(&own, 0, sizeof own);
     batch.call = &call;
     batch.common.mat = *mat;
@@ -5735,8 +5814,9 @@ SPHPA_PRIVATE_ sphpa_result sphpa_palpha_slope_at_(const sphpa_tillotson *mat,
     if (mat == NULL) return SPHPA_ERROR_MISSING;
     sphpa_result result = sphpa_palpha_open_(SPHPA_PALPHA_CRUSH_SPACE, curve, NULL, &call);
     if (result != SPHPA_OK) return result;
-    result = sphpa_palpha_begin_(&call, mat, rho, u, alpha, &task);
+    result = sphpa_palpha_check_(call.alpha0, rho, u, alpha);
     if (result != SPHPA_OK) return result;
+    sphpa_crush_shape_of_(curve, &call.shape);
     result = sphpa_tillotson_eval(mat, alpha * rho, u, &point);
     if (result != SPHPA_OK) return result;
     const sphpa_crush_shape_ *shape = &call.shape;
@@ -5822,7 +5902,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_palpha_shock_(const sphpa_palpha_call_ *call,
         double P = ahead->P + ahead->rho * dv * dv / x;
         behind->rho = ahead->rho / (1.0 - x);
         behind->u = ahead->u + ahead->P * x / ahead->rho + 0.5 * dv * dv;
-        sphpa_result result = sphpa_palpha_one_(call, mat, behind->rho, behind->u,
+        sphpa_result result = sphpa_palpha_one_(call, NULL, NULL, mat, behind->rho, behind->u,
                                                 call->shape.alpha0, &state);
         if (result != SPHPA_OK) return result;
         behind->P = state.P;
@@ -5894,6 +5974,7 @@ SPHPA_DEF sphpa_result sphpa_palpha_hugoniot(const sphpa_tillotson *mat, const s
     sphpa_result result = sphpa_palpha_open_(SPHPA_PALPHA_CRUSH_SPACE, curve, &opt, &call);
     if (result != SPHPA_OK) return result;
     if (!sphpa_palpha_material_ok_(mat)) return SPHPA_ERROR_MATERIAL;
+    sphpa_crush_shape_of_(curve, &call.shape);
     memset(&rest, 0, sizeof rest);
     rest.alpha = call.shape.alpha0;
     rest.rho = mat->rho0 / rest.alpha;
