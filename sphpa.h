@@ -4642,6 +4642,12 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_finish_(sphpa_palpha_eval_ eval, sphpa_cru
         sphpa_palpha_refine_(task, point);
 }
 
+/* F >= 0 at the lower end: all pores are closed */
+SPHPA_FORCE_INLINE_ void sphpa_palpha_closed_(sphpa_palpha_point_ *point) {
+    point->P = point->matrix.P / point->alpha;
+    point->F = point->slope = 0.0;
+}
+
 /* Steps along the path inside the bracket, from s; *point has been evaluated near by. */
 SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_crush_way_ way,
                                                 sphpa_palpha_task_ *task,
@@ -4656,6 +4662,10 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
     for (int k = 0;; k++) {
         task->iterations++;
         if (!sphpa_palpha_matrix_at_(eval, task, at.alpha, point)) return;
+        if (at.s <= task->shape->s_end && !task->on_line && point->matrix.P >= task->shape->end) {
+            sphpa_palpha_closed_(point);
+            return;
+        }
         double before = matrix.Y2;
         matrix = sphpa_palpha_parabola_of_(task, point, &matrix);
         sphpa_palpha_step_ step = sphpa_palpha_step_of_(&matrix, &at);
