@@ -3465,7 +3465,7 @@ typedef struct sphpa_crush_shape_ {
     double Pe, Pt, Ps, end; /* end: alpha = 1 from here on (Pt where k2 = 0) */
     double R, inv_R, Rt;    /* Ps - Pe, Pt - Pe */
     double t0, c, P0, s_end; /* s_end: all closed; Pe is at s = 1 */
-    double alpha_knee;       /* at Pt */
+    double alpha_knee, slope_knee; /* at Pt; dalpha/ds above it */
     double k1, k2, n1, n2, inv_n1, inv_n2;
     int m1, m2; /* n1 - 1, n2 - 1 where these are small whole numbers, else -1 */
     sphpa_crush_way_ way;
@@ -3668,8 +3668,9 @@ SPHPA_PRIVATE_ void sphpa_crush_shape_powers_(const sphpa_crush *curve, sphpa_cr
         shape->c = sphpa_max_(shape->Rt * shape->inv_R, 1e-25); /* below it t does not move */
         shape->P0 = curve->Pt;
         shape->s_end = -shape->t0 / shape->c;
-        shape->alpha_knee =
-            1.0 + shape->k2 * sphpa_crush_power_of_(shape->t0, shape->n2, shape->m2, false).value;
+        sphpa_crush_power_ at = sphpa_crush_power_of_(shape->t0, shape->n2, shape->m2, false);
+        shape->alpha_knee = 1.0 + shape->k2 * at.value;
+        shape->slope_knee = shape->k2 * shape->c * at.d1;
     }
     if (shape->k1 > 0.0 || shape->m2 != 1)
         shape->way = shape->m1 >= 0 && shape->m2 >= 0 ? SPHPA_CRUSH_POWERS_ : SPHPA_CRUSH_ANY_;
@@ -3691,6 +3692,7 @@ SPHPA_FORCE_INLINE_ void sphpa_crush_shape_of_(const sphpa_crush *curve,
     shape->P0 = shape->Ps;
     shape->t0 = shape->s_end = 0.0;
     shape->c = shape->alpha_knee = 1.0;
+    shape->slope_knee = 0.0;
     shape->k1 = 0.0;
     shape->k2 = shape->top - 1.0;
     shape->n1 = shape->n2 = 2.0;
@@ -3923,9 +3925,9 @@ SPHPA_FORCE_INLINE_ double sphpa_crush_root_(double x, double inv_n) {
 
 /* An s near where the line of slope D >= 0 through (alpha, P) meets the curve. D times what alpha is
    above the curve and what P is above it add up to 0: with M1 = D (alpha - alpha(Pt)) + Pt - P it is
-     D k1 q^n1 + .. + Rt q = M1 below Pt, if M1 > 0, else D k2 t^n2 + R t = M above,
-   exact for the quadratic curve (written without cancellation), else the least of the upper bounds
-   that each term alone gives. */
+     D k1 q^n1 + (Rt + D slope) q + .. = M1 below Pt, if M1 > 0, else D k2 t^n2 + R t = M above,
+   slope that of the second term at the knee, from which it bends up; exact for the quadratic curve
+   (written without cancellation), else the least of the upper bounds that each term alone gives. */
 SPHPA_FORCE_INLINE_ double sphpa_crush_meet_(const sphpa_crush_shape_ *shape, sphpa_crush_way_ way,
                                              double D, double alpha, double P) {
     double k1 = D * shape->k1, k2 = D * shape->k2, R = shape->R;
@@ -3936,7 +3938,7 @@ SPHPA_FORCE_INLINE_ double sphpa_crush_meet_(const sphpa_crush_shape_ *shape, sp
     bool lanes = way == SPHPA_CRUSH_LANES_, below = k1 > 0.0 && M1 > 0.0;
     double q = 1.0, t = 1.0;
     if (lanes || below) {
-        q = sphpa_min_(sphpa_max_(M1, 0.0) / shape->Rt, 1.0);
+        q = sphpa_min_(sphpa_max_(M1, 0.0) / (shape->Rt + D * shape->slope_knee), 1.0);
         q = sphpa_min_(q, sphpa_crush_root_(sphpa_min_(M1 / (k1 + none), 1.0), shape->inv_n1));
     }
     if (lanes || !below) {
@@ -4416,6 +4418,7 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_guess_(const sphpa_palpha_task_ *task,
         double ds = sphpa_palpha_step_of_(matrix, &at).ds;
         if (!(fabs(ds) < 1.0 - end)) break;
         s = sphpa_clamp_(s + ds, end, 1.0);
+        if (fabs(ds) <= 1e-4 * fabs(s)) break;
     }
     return s;
 }
@@ -5090,6 +5093,11 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_begin_(const sphpa_palpha_call_ *call, con
     }
 }
 
+/* The density where Tillotson's P has a kink: none below u_iv, unless B ends there. */
+SPHPA_FORCE_INLINE_ double sphpa_palpha_kink_(const sphpa_tillotson *mat, bool hot) {
+    return hot || mat->zero_B_expanded != 0 ? mat->rho0 : 0.0;
+}
+
 SPHPA_FORCE_INLINE_ double sphpa_palpha_floor2_(const sphpa_tillotson *mat) {
     return (mat->c2_floor > 0.0 ? mat->c2_floor : 0.01) * mat->A / mat->rho0;
 }
@@ -5241,7 +5249,7 @@ SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_one_(const sphpa_palpha_call_ *cal
         return SPHPA_OK;
     if (make != NULL) sphpa_crush_shape_of_(curve, make);
     sphpa_palpha_begin_(call, mat, rho, u, alpha_old, &task);
-    task.kink = mat->rho0 / rho;
+    task.kink = sphpa_palpha_kink_(mat, u > mat->u_iv) / rho;
     task.floor2 = sphpa_palpha_floor2_(mat);
     if (fast) result = sphpa_palpha_fast_(mat, known, &task, &point, out);
     else if (call->solver == SPHPA_PALPHA_BISECTION) result = sphpa_palpha_run_bisection_(&task, out);
@@ -5446,7 +5454,7 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_next_(const sphpa_crush_shape_ *sha
 }
 
 /* yes if a move of lane i from `at` to `to` is its last: the smooth end of sphpa_palpha_close_in_ */
-SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_last_(const sphpa_palpha_common_ *common,
+SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_last_(const sphpa_palpha_common_ *common, bool hot,
                                                    const sphpa_palpha_parabola_ *matrix,
                                                    const sphpa_palpha_step_ *step,
                                                    const sphpa_palpha_place_ *to, double P,
@@ -5454,7 +5462,8 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_last_(const sphpa_palpha_common_ *c
                                                    size_t i) {
     double at = matrix->alpha, from = x->from[i], size = fabs(to->alpha - at);
     double before = sphpa_min_(fabs(at - from), 0.5 * at), cube = size * size * size;
-    double slope = step->H1 + step->H2 * step->ds, rho = x->rho[i], kink = common->mat.rho0;
+    double slope = step->H1 + step->H2 * step->ds, rho = x->rho[i];
+    double kink = sphpa_palpha_kink_(&common->mat, hot);
     double low = sphpa_min_(sphpa_min_(from, at), to->alpha);
     double high = sphpa_max_(sphpa_max_(from, at), to->alpha);
     double change = fabs(matrix->Y2 - x->Y2[i]) * to->alpha1;
@@ -5510,7 +5519,8 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_round_(const sphpa_palpha_common_ *co
     double brief = sphpa_palpha_and_(inside, fabs(to.alpha - at.alpha) + fabs(same) <= small);
     if (way != SPHPA_CRUSH_SQUARE_) /* Newton has to agree */
         brief = sphpa_palpha_and_(brief, fabs(step.H) * at.alpha1 <= small * step.H1);
-    double last = sphpa_palpha_lane_last_(common, &matrix, &step, &to, at.P, small, x, i), meets;
+    double last = sphpa_palpha_lane_last_(common, hot, &matrix, &step, &to, at.P, small, x, i),
+           meets;
     if (way == SPHPA_CRUSH_SQUARE_) {
         last = sphpa_palpha_and_(last, sphpa_palpha_halley_good_(&matrix, &step, &at, small,
                                                                  to.alpha - at.alpha));
