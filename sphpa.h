@@ -3466,7 +3466,7 @@ typedef struct sphpa_crush_shape_ {
     double R, inv_R, Rt;    /* Ps - Pe, Pt - Pe */
     double t0, c, P0, s_end; /* s_end: all closed; Pe is at s = 1 */
     double alpha_knee, slope_knee; /* at Pt; dalpha/ds above it */
-    double k1, k2, n1, n2, inv_n1, inv_n2;
+    double k1, k2, n1, n2, inv_n1, inv_n2, n_most;
     int m1, m2; /* n1 - 1, n2 - 1 where these are small whole numbers, else -1 */
     sphpa_crush_way_ way;
     bool herrmann, dense;          /* dense: alpha0 = 1 */
@@ -3655,6 +3655,7 @@ SPHPA_PRIVATE_ void sphpa_crush_shape_powers_(const sphpa_crush *curve, sphpa_cr
     shape->Pt = curve->Pt;
     shape->n1 = curve->n1;
     shape->n2 = curve->n2;
+    shape->n_most = sphpa_max_(shape->n1, shape->n2);
     shape->m1 = sphpa_crush_whole_(shape->n1);
     shape->m2 = sphpa_crush_whole_(shape->n2);
     shape->inv_n1 = 1.0 / shape->n1;
@@ -3695,7 +3696,7 @@ SPHPA_FORCE_INLINE_ void sphpa_crush_shape_of_(const sphpa_crush *curve,
     shape->slope_knee = 0.0;
     shape->k1 = 0.0;
     shape->k2 = shape->top - 1.0;
-    shape->n1 = shape->n2 = 2.0;
+    shape->n1 = shape->n2 = shape->n_most = 2.0;
     shape->inv_n1 = shape->inv_n2 = 0.5;
     shape->m1 = shape->m2 = 1;
     if (shape->dense) return;
@@ -4478,15 +4479,24 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_last_(double Y2_change, const sphpa_palpha
            (10.0 * fabs(Y2_change) * cube * alpha1 <= allowed * before);
 }
 
-/* Is Halley's step along the quadratic curve good enough? His error is (H2 ds/(2 H1))^2 + H3 ds^2/(6
-   H1) of the move. */
-SPHPA_FORCE_INLINE_ bool sphpa_palpha_halley_good_(const sphpa_palpha_parabola_ *matrix,
+/* Is Halley's step from `at` good enough? Its error is (H2 ds/(2 H1))^2 + H3 ds^2/(6 H1) of the move;
+   a curve's third derivative is at most n^2/r^2 times the first, r the way to where its power is 0. */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_halley_good_(const sphpa_crush_shape_ *shape,
+                                                   sphpa_crush_way_ way,
+                                                   const sphpa_palpha_parabola_ *matrix,
                                                    const sphpa_palpha_step_ *step,
                                                    const sphpa_palpha_place_ *at, double small,
                                                    double move) {
-    double bend = step->H2 * step->ds, square = step->H1 * step->H1;
+    double bend = step->H2 * step->ds, square = step->H1 * step->H1, size = fabs(move);
     double third = at->alpha2 * (fabs(at->alpha1 * matrix->Y2) - at->P1) * step->ds * step->ds;
-    return 20.0 * (bend * bend + third * step->H1) * fabs(move) <= small * square;
+    double r = 1.0, n2 = 0.0;
+    if (way != SPHPA_CRUSH_SQUARE_) {
+        r = at->s > 0.0 ? at->s : at->s - shape->s_end;
+        n2 = shape->n_most * step->ds;
+        n2 *= n2;
+    }
+    return (20.0 * (bend * bend + third * step->H1) * size <= small * square) &
+           (20.0 * n2 * size <= small * (r * r));
 }
 
 /* Where the parabola at hand meets the path: *to, where Halley's step from `at` has led if his own
@@ -4497,7 +4507,8 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_meets_(const sphpa_palpha_task_ *task, sph
                                              const sphpa_palpha_step_ *step,
                                              const sphpa_palpha_place_ *at, double move,
                                              double small, sphpa_palpha_place_ *to) {
-    if (way == SPHPA_CRUSH_SQUARE_ && sphpa_palpha_halley_good_(matrix, step, at, small, move))
+    if (way != SPHPA_CRUSH_ANY_ && (at->s > 0.0) == (to->s > 0.0) &&
+        sphpa_palpha_halley_good_(task->shape, way, matrix, step, at, small, move))
         return true;
     sphpa_palpha_step_ more = sphpa_palpha_step_of_(matrix, to);
     sphpa_palpha_place_ there = sphpa_palpha_path_(task, way, to->s + more.ds);
@@ -5522,8 +5533,8 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_round_(const sphpa_palpha_common_ *co
     double last = sphpa_palpha_lane_last_(common, hot, &matrix, &step, &to, at.P, small, x, i),
            meets;
     if (way == SPHPA_CRUSH_SQUARE_) {
-        last = sphpa_palpha_and_(last, sphpa_palpha_halley_good_(&matrix, &step, &at, small,
-                                                                 to.alpha - at.alpha));
+        last = sphpa_palpha_and_(last, sphpa_palpha_halley_good_(shape, way, &matrix, &step, &at,
+                                                                 small, to.alpha - at.alpha));
         meets = inside;
     } else {
         meets = sphpa_palpha_lane_meets_(shape, way, &matrix, &at, x->lo[i], x->hi[i], &to);
