@@ -3924,11 +3924,19 @@ SPHPA_FORCE_INLINE_ double sphpa_crush_root_(double x, double inv_n) {
     return sphpa_exp2_whole_(j) * (1.0 + f * (0.6931 + 0.2402 * f));
 }
 
+/* x/line + (x/power)^n = 1, within 6 % or so: x is below `line` and below `power`; where the line is
+   the looser one, Halley from `power`, which needs no power: it is 1 there. */
+SPHPA_FORCE_INLINE_ double sphpa_crush_sum_root_(double line, double power, double n) {
+    double u = power / line, slope = u + n, square = slope * slope;
+    double bottom = sphpa_max_(2.0 * square - u * (n * (n - 1.0)), square);
+    return u < 1.25 ? sphpa_min_(line, power - power * (2.0 * u * slope / bottom)) : line;
+}
+
 /* An s near where the line of slope D >= 0 through (alpha, P) meets the curve. D times what alpha is
    above the curve and what P is above it add up to 0: with M1 = D (alpha - alpha(Pt)) + Pt - P it is
      D k1 q^n1 + (Rt + D slope) q + .. = M1 below Pt, if M1 > 0, else D k2 t^n2 + R t = M above,
-   slope that of the second term at the knee, from which it bends up; exact for the quadratic curve
-   (written without cancellation), else the least of the upper bounds that each term alone gives. */
+   slope that of the second term at the knee, from which it bends up; exact for the quadratic curve,
+   written without cancellation. */
 SPHPA_FORCE_INLINE_ double sphpa_crush_meet_(const sphpa_crush_shape_ *shape, sphpa_crush_way_ way,
                                              double D, double alpha, double P) {
     double k1 = D * shape->k1, k2 = D * shape->k2, R = shape->R;
@@ -3939,12 +3947,14 @@ SPHPA_FORCE_INLINE_ double sphpa_crush_meet_(const sphpa_crush_shape_ *shape, sp
     bool lanes = way == SPHPA_CRUSH_LANES_, below = k1 > 0.0 && M1 > 0.0;
     double q = 1.0, t = 1.0;
     if (lanes || below) {
-        q = sphpa_min_(sphpa_max_(M1, 0.0) / (shape->Rt + D * shape->slope_knee), 1.0);
-        q = sphpa_min_(q, sphpa_crush_root_(sphpa_min_(M1 / (k1 + none), 1.0), shape->inv_n1));
+        double line = sphpa_max_(M1, 0.0) / (shape->Rt + D * shape->slope_knee);
+        double power = sphpa_crush_root_(sphpa_min_(M1 / (k1 + none), 1.0), shape->inv_n1);
+        q = sphpa_min_(1.0, sphpa_crush_sum_root_(line, power, shape->n1));
     }
     if (lanes || !below) {
-        t = sphpa_min_(sphpa_max_(M, 0.0) / R, shape->k1 > 0.0 ? shape->t0 : 1.0);
-        t = sphpa_min_(t, sphpa_crush_root_(sphpa_min_(M / k2, 1.0), shape->inv_n2));
+        double power = sphpa_crush_root_(sphpa_min_(M / k2, 1.0), shape->inv_n2);
+        t = sphpa_crush_sum_root_(sphpa_max_(M, 0.0) / R, power, shape->n2);
+        t = sphpa_min_(t, shape->k1 > 0.0 ? shape->t0 : 1.0);
         t = M > 0.0 ? (t - shape->t0) / shape->c : shape->s_end;
     }
     return below ? q : t;
@@ -4419,7 +4429,7 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_guess_(const sphpa_palpha_task_ *task,
         double ds = sphpa_palpha_step_of_(matrix, &at).ds;
         if (!(fabs(ds) < 1.0 - end)) break;
         s = sphpa_clamp_(s + ds, end, 1.0);
-        if (fabs(ds) <= 1e-4 * fabs(s)) break;
+        if (fabs(ds) <= 3e-4 * fabs(s)) break;
     }
     return s;
 }
@@ -5417,7 +5427,6 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_guess_(const sphpa_palpha_common_ *co
     s = sphpa_palpha_lane_model_(shape, way, &matrix, s);
     if (way == SPHPA_CRUSH_LANES_) { /* a loop here would not be vectorised */
         s = sphpa_palpha_lane_model_(shape, way, &matrix, s);
-        s = sphpa_palpha_lane_model_(shape, way, &matrix, s);
     }
     x->s[i] = s;
     x->lo[i] = end;
@@ -5485,27 +5494,6 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_last_(const sphpa_palpha_common_ *c
     return sphpa_palpha_and_(high * rho < kink ? 1.0 : low * rho >= kink ? 1.0 : 0.0, yes > 0.0);
 }
 
-/* *to: a second step of the parabola, from there; yes if it is a thousand times shorter than the first
-   and inside, else it is not taken */
-SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_meets_(const sphpa_crush_shape_ *shape,
-                                                    sphpa_crush_way_ way,
-                                                    const sphpa_palpha_parabola_ *matrix,
-                                                    const sphpa_palpha_place_ *at, double lo,
-                                                    double hi, sphpa_palpha_place_ *to) {
-    sphpa_palpha_step_ more = sphpa_palpha_slopes_(matrix, to);
-    more.ds = sphpa_crush_halley_lane_(more.H, more.H1, more.H2);
-    sphpa_palpha_place_ further = sphpa_palpha_on_curve_(shape, way, to->s + more.ds);
-    double shorter = 1e-3 * fabs(to->alpha - at->alpha);
-    double yes = fabs(further.alpha - to->alpha) <= shorter ? 1.0 : 0.0;
-    yes = sphpa_palpha_and_(sphpa_palpha_and_(yes, further.s > lo), further.s < hi);
-    double least = sphpa_min_(at->s, further.s), most = sphpa_max_(at->s, further.s);
-    yes = sphpa_palpha_and_(yes, sphpa_min_(least, to->s) > 0.0 || sphpa_max_(most, to->s) <= 0.0);
-    to->s = yes > 0.0 ? further.s : to->s;
-    to->alpha = yes > 0.0 ? further.alpha : to->alpha;
-    to->P = yes > 0.0 ? further.P : to->P;
-    return yes;
-}
-
 /* One round of sphpa_palpha_close_in_ for lane i. */
 SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_round_(const sphpa_palpha_common_ *common, bool hot,
                                                   sphpa_crush_way_ way, sphpa_palpha_lanes_ *x,
@@ -5530,17 +5518,10 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_round_(const sphpa_palpha_common_ *co
     double brief = sphpa_palpha_and_(inside, fabs(to.alpha - at.alpha) + fabs(same) <= small);
     if (way != SPHPA_CRUSH_SQUARE_) /* Newton has to agree */
         brief = sphpa_palpha_and_(brief, fabs(step.H) * at.alpha1 <= small * step.H1);
-    double last = sphpa_palpha_lane_last_(common, hot, &matrix, &step, &to, at.P, small, x, i),
-           meets;
-    if (way == SPHPA_CRUSH_SQUARE_) {
-        last = sphpa_palpha_and_(last, sphpa_palpha_halley_good_(shape, way, &matrix, &step, &at,
-                                                                 small, to.alpha - at.alpha));
-        meets = inside;
-    } else {
-        meets = sphpa_palpha_lane_meets_(shape, way, &matrix, &at, x->lo[i], x->hi[i], &to);
-        meets = sphpa_palpha_and_(meets, inside > 0.0);
-    }
-    last = sphpa_palpha_and_(last, meets > 0.0);
+    double last = sphpa_palpha_lane_last_(common, hot, &matrix, &step, &to, at.P, small, x, i);
+    last = sphpa_palpha_and_(last, sphpa_palpha_halley_good_(shape, way, &matrix, &step, &at, small,
+                                                             to.alpha - at.alpha));
+    last = sphpa_palpha_and_(last, inside - fabs(same) > 0.0);
     to.alpha = tiny > 0.0 ? at.alpha + near : to.alpha;
     to.alpha = rest > 0.0 ? at.alpha : to.alpha;
     to.P = rest + tiny > 0.0 ? at.P : to.P;
