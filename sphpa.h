@@ -3597,28 +3597,33 @@ SPHPA_DEF sphpa_result sphpa_crush_check(const sphpa_crush *curve, sphpa_error *
     return SPHPA_OK;
 }
 
-/* x^n with two derivatives, for x >= 0 and n >= 1; m = n - 1 if that is a small whole number, as it
+/* x^n with three derivatives, for x >= 0 and n >= 1; m = n - 1 if that is a small whole number, as it
    is known to be if `whole` */
 typedef struct sphpa_crush_power_ {
-    double value, d1, d2;
+    double value, d1, d2, d3;
 } sphpa_crush_power_;
 
 SPHPA_NO_INLINE_ double sphpa_crush_pow_(double x, double y) { return pow(x, y); }
 
 SPHPA_FORCE_INLINE_ sphpa_crush_power_ sphpa_crush_power_of_(double x, double n, int m,
                                                              bool whole) {
-    double y = 1.0, square = x; /* y: x^(m-1) */
+    double y = 1.0, square = x, slope = n * (n - 1.0); /* y: x^(m-2), then up */
     sphpa_crush_power_ out;
-    if (m > 0) {
-        for (int bits = m - 1; bits != 0; bits >>= 1) {
+    out.d2 = out.d3 = 0.0;
+    if (m > 1) {
+        for (int bits = m - 2; bits != 0; bits >>= 1) {
             if (bits & 1) y *= square;
             square *= square;
         }
-        out.d2 = n * (n - 1.0) * y;
+        out.d3 = slope * (n - 2.0) * y;
         y *= x;
-    } else {
-        if (m < 0 && !whole) y = sphpa_crush_pow_(x, n - 1.0);
-        out.d2 = x > 0.0 && !whole ? n * (n - 1.0) * y / x : 0.0;
+    }
+    if (m > 0) {
+        out.d2 = slope * y;
+        y *= x;
+    } else if (m < 0 && !whole) {
+        y = sphpa_crush_pow_(x, n - 1.0);
+        if (x > 0.0) out.d2 = slope * y / x;
     }
     out.d1 = n * y;
     out.value = x * y;
@@ -3628,11 +3633,13 @@ SPHPA_FORCE_INLINE_ sphpa_crush_power_ sphpa_crush_power_of_(double x, double n,
 /* for whole exponents, without a branch that depends on x */
 SPHPA_FORCE_INLINE_ sphpa_crush_power_ sphpa_crush_power_lane_(double x, double n, int m) {
     double x2 = x * x, x4 = x2 * x2, x8 = x4 * x4, x16 = x8 * x8, x32 = x16 * x16;
-    int bits = m > 0 ? m - 1 : 0; /* below 64; of the call, not of the lane */
+    int bits = m > 1 ? m - 2 : 0; /* below 64; of the call, not of the lane */
     double y = (bits & 1 ? x : 1.0) * (bits & 2 ? x2 : 1.0) * (bits & 4 ? x4 : 1.0) *
                (bits & 8 ? x8 : 1.0) * (bits & 16 ? x16 : 1.0) * (bits & 32 ? x32 : 1.0);
     sphpa_crush_power_ out;
-    out.d2 = m > 0 ? n * (n - 1.0) * y : 0.0;
+    out.d3 = n * (n - 1.0) * (n - 2.0) * y; /* m is 1 or 0: a factor is 0 */
+    y = m > 1 ? y * x : 1.0;
+    out.d2 = n * (n - 1.0) * y;
     y = m > 0 ? y * x : 1.0;
     out.d1 = n * y;
     out.value = x * y;
@@ -3853,10 +3860,10 @@ SPHPA_PRIVATE_ double sphpa_crush_line_solve_(const sphpa_crush_shape_ *shape, d
 
 /* ---- the curve as a path --------------------------------------------------------------------- */
 
-/* alpha at a place s of the curve, and its derivatives by s. Of a caller's curve the second one is
-   not known: 0. */
+/* alpha at a place s of the curve, and its derivatives by s. Of a caller's curve the second and third
+   are not known: 0. */
 typedef struct sphpa_crush_place_ {
-    double alpha, d1, d2;
+    double alpha, d1, d2, d3;
 } sphpa_crush_place_;
 
 SPHPA_FORCE_INLINE_ double sphpa_crush_fall_(const sphpa_crush_shape_ *shape, sphpa_crush_way_ way,
@@ -3875,7 +3882,7 @@ SPHPA_NO_INLINE_ sphpa_crush_place_ sphpa_crush_at_user_(const sphpa_crush_shape
     double slope;
     out.alpha = sphpa_crush_curve_(shape, SPHPA_CRUSH_ANY_, shape->Ps - shape->R * s, &slope);
     out.d1 = -shape->R * slope;
-    out.d2 = 0.0;
+    out.d2 = out.d3 = 0.0;
     return out;
 }
 
@@ -3885,6 +3892,7 @@ SPHPA_FORCE_INLINE_ sphpa_crush_place_ sphpa_crush_at_(const sphpa_crush_shape_ 
     if (way == SPHPA_CRUSH_SQUARE_) {
         out.d2 = 2.0 * shape->k2;
         out.d1 = out.d2 * s;
+        out.d3 = 0.0;
         out.alpha = 1.0 + shape->k2 * (s * s);
         return out;
     }
@@ -3897,6 +3905,7 @@ SPHPA_FORCE_INLINE_ sphpa_crush_place_ sphpa_crush_at_(const sphpa_crush_shape_ 
     out.alpha = shape->k2 * second.value;
     out.d1 = shape->k2 * c * second.d1;
     out.d2 = shape->k2 * c * c * second.d2;
+    out.d3 = shape->k2 * c * c * c * second.d3;
     if (lanes || k1 > 0.0) {
         sphpa_crush_power_ first =
             lanes ? sphpa_crush_power_lane_(sphpa_max_(s, 0.0), shape->n1, shape->m1)
@@ -3904,6 +3913,7 @@ SPHPA_FORCE_INLINE_ sphpa_crush_place_ sphpa_crush_at_(const sphpa_crush_shape_ 
         out.alpha += k1 * first.value;
         out.d1 += k1 * first.d1;
         out.d2 += k1 * first.d2;
+        out.d3 += k1 * first.d3;
     }
     out.alpha += 1.0;
     return out;
@@ -3981,11 +3991,28 @@ SPHPA_FORCE_INLINE_ double sphpa_crush_halley_(double H, double H1, double H2) {
     return -2.0 * H * H1 / bottom;
 }
 
+/* The step of fourth order (Householder's), where neither H2 nor H3 bends H much; else Halley's */
+SPHPA_FORCE_INLINE_ double sphpa_crush_step_(double H, double H1, double H2, double H3) {
+    double square = H1 * H1, x = H * H2, y = H * H * H3, bottom = H1 * (square - x) + (1.0 / 6.0) * y;
+    bool plain = fabs(x) < 0.25 * square && fabs(y) < 0.5 * square * H1;
+    return plain ? -H * (square - 0.5 * x) / bottom : sphpa_crush_halley_(H, H1, H2);
+}
+
 /* Halley's without a branch, kept between two thirds of Newton's step and twice his */
 SPHPA_FORCE_INLINE_ double sphpa_crush_halley_lane_(double H, double H1, double H2) {
     double square = H1 * H1, bottom = sphpa_min_(2.0 * square - H * H2, 3.0 * square);
     bottom = bottom > square ? bottom : 2.0 * square;
     return -2.0 * H * H1 / bottom;
+}
+
+SPHPA_FORCE_INLINE_ double sphpa_crush_step_lane_(double H, double H1, double H2, double H3) {
+    double square = H1 * H1, x = H * H2, y = H * H * H3, third = 2.0 * square - x;
+    third = third < 3.0 * square ? third : 3.0 * square;
+    third = third > square ? third : 2.0 * square;
+    double plain = fabs(x) < 0.25 * square ? 1.0 : 0.0;
+    plain = fabs(y) < 0.5 * square * H1 ? plain : 0.0;
+    double top = plain > 0.0 ? square - 0.5 * x : 2.0 * H1;
+    return -H * top / (plain > 0.0 ? H1 * (square - x) + (1.0 / 6.0) * y : third);
 }
 
 /* the least s with this alpha, in [1, top]: Halley in a bracket; a caller's curve may be a staircase:
@@ -4325,7 +4352,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_safe_newton_(sphpa_palpha_eval_ eval, sphp
 /* A place s on the path that (alpha, P) may take: the curve, or Herrmann's line from its upper end
    down to P = 0, s = alpha - alpha_y. P falls and alpha rises with s. */
 typedef struct sphpa_palpha_place_ {
-    double s, alpha, alpha1, alpha2; /* 1, 2: derivatives by s */
+    double s, alpha, alpha1, alpha2, alpha3; /* 1, 2, 3: derivatives by s */
     double P, P1, P2;
 } sphpa_palpha_place_;
 
@@ -4335,7 +4362,7 @@ SPHPA_NO_INLINE_ sphpa_palpha_place_ sphpa_palpha_path_line_(const sphpa_palpha_
     out.s = s;
     out.alpha = task->alpha_y + s;
     out.alpha1 = 1.0;
-    out.alpha2 = 0.0;
+    out.alpha2 = out.alpha3 = 0.0;
     bool foot = task->foot && s > 0.5 * (task->cap - task->alpha_y);
     out.P = foot ? sphpa_crush_phi_(task->shape, task->cap, out.alpha)
                  : task->Py + sphpa_crush_phi_(task->shape, task->alpha_y, out.alpha);
@@ -4351,6 +4378,7 @@ SPHPA_FORCE_INLINE_ sphpa_palpha_place_ sphpa_palpha_on_curve_(const sphpa_crush
     out.alpha = place.alpha;
     out.alpha1 = place.d1;
     out.alpha2 = place.d2;
+    out.alpha3 = place.d3;
     out.P1 = -sphpa_crush_fall_(shape, way, s);
     out.P = shape->P0 + out.P1 * s;
     out.P2 = 0.0;
@@ -4369,9 +4397,9 @@ typedef struct sphpa_palpha_parabola_ {
 } sphpa_palpha_parabola_;
 
 /* H(s) = Peos(alpha rho, u) - alpha P along the path has the sign of F, and no kink where F has one.
-   Its value and derivatives, and the step of third order to H = 0. */
+   Its value and derivatives (H3: where the curve's is known), and the step to H = 0. */
 typedef struct sphpa_palpha_step_ {
-    double H, H1, H2, ds;
+    double H, H1, H2, H3, ds;
 } sphpa_palpha_step_;
 
 SPHPA_FORCE_INLINE_ sphpa_palpha_step_ sphpa_palpha_slopes_(const sphpa_palpha_parabola_ *matrix,
@@ -4380,16 +4408,19 @@ SPHPA_FORCE_INLINE_ sphpa_palpha_step_ sphpa_palpha_slopes_(const sphpa_palpha_p
     sphpa_palpha_step_ out;
     out.H = matrix->Y + d * (matrix->Y1 + 0.5 * d * matrix->Y2) - at->alpha * at->P;
     out.H1 = at->alpha1 * fall - at->alpha * at->P1;
-    out.H2 = at->alpha2 * fall + at->alpha1 * (at->alpha1 * matrix->Y2 - 2.0 * at->P1) -
-             at->alpha * at->P2;
+    double bend = at->alpha1 * matrix->Y2;
+    out.H2 = at->alpha2 * fall + at->alpha1 * (bend - 2.0 * at->P1) - at->alpha * at->P2;
+    out.H3 = at->alpha3 * fall + 3.0 * at->alpha2 * (bend - at->P1);
     out.ds = 0.0;
     return out;
 }
 
-SPHPA_FORCE_INLINE_ sphpa_palpha_step_ sphpa_palpha_step_of_(const sphpa_palpha_parabola_ *matrix,
+SPHPA_FORCE_INLINE_ sphpa_palpha_step_ sphpa_palpha_step_of_(sphpa_crush_way_ way,
+                                                             const sphpa_palpha_parabola_ *matrix,
                                                              const sphpa_palpha_place_ *at) {
     sphpa_palpha_step_ out = sphpa_palpha_slopes_(matrix, at);
-    out.ds = sphpa_crush_halley_(out.H, out.H1, out.H2);
+    out.ds = way == SPHPA_CRUSH_ANY_ ? sphpa_crush_halley_(out.H, out.H1, out.H2)
+                                     : sphpa_crush_step_(out.H, out.H1, out.H2, out.H3);
     return out;
 }
 
@@ -4426,7 +4457,7 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_guess_(const sphpa_palpha_task_ *task,
     if (!(s > end)) return end;
     for (int k = 0; k < (way == SPHPA_CRUSH_SQUARE_ ? 1 : 3); k++) {
         sphpa_palpha_place_ at = sphpa_palpha_path_(task, way, s);
-        double ds = sphpa_palpha_step_of_(matrix, &at).ds;
+        double ds = sphpa_palpha_step_of_(SPHPA_CRUSH_ANY_, matrix, &at).ds;
         if (!(fabs(ds) < 1.0 - end)) break;
         s = sphpa_clamp_(s + ds, end, 1.0);
         if (fabs(ds) <= 3e-4 * fabs(s)) break;
@@ -4489,28 +4520,30 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_last_(double Y2_change, const sphpa_palpha
            (10.0 * fabs(Y2_change) * cube * alpha1 <= allowed * before);
 }
 
-/* Is Halley's step from `at` good enough? Its error is (H2 ds/(2 H1))^2 + H3 ds^2/(6 H1) of the move;
-   a curve's third derivative is at most n^2/r^2 times the first, r the way to where its power is 0. */
-SPHPA_FORCE_INLINE_ bool sphpa_palpha_halley_good_(const sphpa_crush_shape_ *shape,
-                                                   sphpa_crush_way_ way,
-                                                   const sphpa_palpha_parabola_ *matrix,
-                                                   const sphpa_palpha_step_ *step,
-                                                   const sphpa_palpha_place_ *at, double small,
-                                                   double move) {
-    double bend = step->H2 * step->ds, square = step->H1 * step->H1, size = fabs(move);
-    double third = at->alpha2 * (fabs(at->alpha1 * matrix->Y2) - at->P1) * step->ds * step->ds;
-    double r = 1.0, n2 = 0.0;
+/* Is the step of fourth order from `at` good enough? With b = H2 ds/(2 H1), c = H3 ds^2/(6 H1) and d =
+   H4 ds^3/(24 H1) its error is b^3 - 2 b c + d of the move; a curve's fourth derivative is at most
+   n^3/r^3 times the first, r the way to where its power is 0. */
+SPHPA_FORCE_INLINE_ bool sphpa_palpha_step_good_(const sphpa_crush_shape_ *shape,
+                                                 sphpa_crush_way_ way,
+                                                 const sphpa_palpha_parabola_ *matrix,
+                                                 const sphpa_palpha_step_ *step,
+                                                 const sphpa_palpha_place_ *at, double small,
+                                                 double move) {
+    double ds = fabs(step->ds), h = step->H1, size = fabs(move);
+    double b = fabs(step->H2) * ds, c = fabs(step->H3) * (ds * ds), Y2 = fabs(matrix->Y2);
+    double d = 3.0 * at->alpha2 * at->alpha2 * Y2, r = 1.0, n = 0.0;
     if (way != SPHPA_CRUSH_SQUARE_) {
+        d += 4.0 * at->alpha3 * (at->alpha1 * Y2 - at->P1);
         r = at->s > 0.0 ? at->s : at->s - shape->s_end;
-        n2 = shape->n_most * step->ds;
-        n2 *= n2;
+        n = shape->n_most * ds;
     }
-    return (20.0 * (bend * bend + third * step->H1) * size <= small * square) &
-           (20.0 * n2 * size <= small * (r * r));
+    d *= ds * ds * ds;
+    return (4.0 * (b * b * b + h * (b * c + h * d)) * size <= small * h * h * h) &
+           (4.0 * n * n * n * size <= small * r * r * r);
 }
 
-/* Where the parabola at hand meets the path: *to, where Halley's step from `at` has led if his own
-   error is small, or a second one from there, which has to be a thousand times shorter: what it
+/* Where the parabola at hand meets the path: *to, where the step from `at` has led if its own error is
+   small, or a second one from there, which has to be a thousand times shorter: what it
    leaves over is its cube by the square of the first. */
 SPHPA_FORCE_INLINE_ bool sphpa_palpha_meets_(const sphpa_palpha_task_ *task, sphpa_crush_way_ way,
                                              const sphpa_palpha_parabola_ *matrix,
@@ -4518,9 +4551,9 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_meets_(const sphpa_palpha_task_ *task, sph
                                              const sphpa_palpha_place_ *at, double move,
                                              double small, sphpa_palpha_place_ *to) {
     if (way != SPHPA_CRUSH_ANY_ && (at->s > 0.0) == (to->s > 0.0) &&
-        sphpa_palpha_halley_good_(task->shape, way, matrix, step, at, small, move))
+        sphpa_palpha_step_good_(task->shape, way, matrix, step, at, small, move))
         return true;
-    sphpa_palpha_step_ more = sphpa_palpha_step_of_(matrix, to);
+    sphpa_palpha_step_ more = sphpa_palpha_step_of_(way, matrix, to);
     sphpa_palpha_place_ there = sphpa_palpha_path_(task, way, to->s + more.ds);
     bool side = at->s > 0.0; /* no knee between the three */
     bool knee = side != (to->s > 0.0) || side != (there.s > 0.0);
@@ -4547,7 +4580,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_polish_(const sphpa_palpha_task_ *task, sp
                                               const sphpa_palpha_bracket_ *in,
                                               sphpa_palpha_place_ *to) {
     for (int k = 0; k < 8; k++) {
-        sphpa_palpha_step_ more = sphpa_palpha_step_of_(matrix, to);
+        sphpa_palpha_step_ more = sphpa_palpha_step_of_(way, matrix, to);
         double next = to->s + more.ds;
         if (!(next > in->lo && next < in->hi)) return;
         *to = sphpa_palpha_path_(task, way, next);
@@ -4692,7 +4725,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
         }
         double before = matrix.Y2;
         matrix = sphpa_palpha_parabola_of_(task, point, &matrix);
-        sphpa_palpha_step_ step = sphpa_palpha_step_of_(&matrix, &at);
+        sphpa_palpha_step_ step = sphpa_palpha_step_of_(way, &matrix, &at);
         double small = sphpa_palpha_small_(task, at.alpha);
         to = at;
         sphpa_palpha_narrow_(&in, &at, step.H);
@@ -4782,7 +4815,7 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_knot_at_(sphpa_palpha_eval_ eval, sphpa_pa
     knot->at = sphpa_palpha_path_(task, SPHPA_CRUSH_ANY_, s);
     if (!sphpa_palpha_matrix_at_(eval, task, knot->at.alpha, point)) return false;
     knot->matrix = sphpa_palpha_parabola_of_(task, point, NULL);
-    knot->step = sphpa_palpha_step_of_(&knot->matrix, &knot->at);
+    knot->step = sphpa_palpha_step_of_(SPHPA_CRUSH_ANY_, &knot->matrix, &knot->at);
     return true;
 }
 
@@ -4816,7 +4849,7 @@ SPHPA_PRIVATE_ sphpa_palpha_span_ sphpa_palpha_between_(const sphpa_palpha_task_
     if (!(s > 0.0 || s < 0.0) && !task->on_line) {
         if (task->shape->n1 < 2.0) third = false; /* infinite there */
         sphpa_palpha_place_ at = sphpa_palpha_path_(task, SPHPA_CRUSH_ANY_, DBL_MIN);
-        up = sphpa_palpha_step_of_(&below->matrix, &at);
+        up = sphpa_palpha_step_of_(SPHPA_CRUSH_ANY_, &below->matrix, &at);
     }
     return sphpa_palpha_span_of_(&up, &above->step, above->at.s - s, third);
 }
@@ -4913,7 +4946,7 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_line_(sphpa_palpha_eval_ eval, sphpa_palph
     task->on_line = true;
     foot.at = sphpa_palpha_path_(task, SPHPA_CRUSH_ANY_, task->cap - task->alpha_y);
     foot.matrix = sphpa_palpha_parabola_of_(task, point, NULL);
-    foot.step = sphpa_palpha_step_of_(&foot.matrix, &foot.at);
+    foot.step = sphpa_palpha_step_of_(SPHPA_CRUSH_ANY_, &foot.matrix, &foot.at);
     in->lo = 0.0;
     in->alpha_lo = task->alpha_y;
     if (task->rising > task->alpha_y) {
@@ -4948,7 +4981,7 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_locate_(sphpa_palpha_eval_ eval, sphpa_cru
     sphpa_palpha_knot_ top;
     top.at = sphpa_palpha_path_(task, SPHPA_CRUSH_ANY_, sphpa_palpha_where_(task, task->alpha_y));
     top.matrix = matrix;
-    top.step = sphpa_palpha_step_of_(&matrix, &top.at);
+    top.step = sphpa_palpha_step_of_(SPHPA_CRUSH_ANY_, &matrix, &top.at);
     if (sphpa_palpha_search_(eval, task, top, in, s, point)) return true;
     if (task->result == SPHPA_OK)
         (void)sphpa_palpha_at_(eval, SPHPA_CRUSH_ANY_, task, 1.0, point);
@@ -5504,7 +5537,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_round_(const sphpa_palpha_common_ *co
     sphpa_tillotson_branch_ eos = sphpa_palpha_lane_eos_(&common->mat, hot, at.alpha * rho, x->u[i]);
     sphpa_palpha_parabola_ matrix = sphpa_palpha_lane_parabola_(&eos, rho, at.alpha);
     sphpa_palpha_step_ step = sphpa_palpha_slopes_(&matrix, &at);
-    step.ds = sphpa_crush_halley_lane_(step.H, step.H1, step.H2);
+    step.ds = sphpa_crush_step_lane_(step.H, step.H1, step.H2, step.H3);
     double small = sphpa_max_(common->tol, 4.0 * DBL_EPSILON * at.alpha);
     double noise = DBL_EPSILON * at.alpha * (shape->P0 - at.P1 * fabs(s));
     double closed = sphpa_palpha_and_(step.H > 0.0 ? 1.0 : 0.0, s <= shape->s_end);
@@ -5519,7 +5552,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_round_(const sphpa_palpha_common_ *co
     if (way != SPHPA_CRUSH_SQUARE_) /* Newton has to agree */
         brief = sphpa_palpha_and_(brief, fabs(step.H) * at.alpha1 <= small * step.H1);
     double last = sphpa_palpha_lane_last_(common, hot, &matrix, &step, &to, at.P, small, x, i);
-    last = sphpa_palpha_and_(last, sphpa_palpha_halley_good_(shape, way, &matrix, &step, &at, small,
+    last = sphpa_palpha_and_(last, sphpa_palpha_step_good_(shape, way, &matrix, &step, &at, small,
                                                              to.alpha - at.alpha));
     last = sphpa_palpha_and_(last, inside - fabs(same) > 0.0);
     to.alpha = tiny > 0.0 ? at.alpha + near : to.alpha;
