@@ -5575,13 +5575,13 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_round_(const sphpa_palpha_common_ *co
     SPHPA_NO_INLINE_ void sphpa_palpha_ends_##name##_(const sphpa_palpha_common_ *shared,          \
                                                       sphpa_palpha_lanes_ *x) {                    \
         const sphpa_palpha_common_ common = *shared;                                               \
-        const size_t n = x->n;                                                                     \
+        const size_t n = (x->n + 3) & ~(size_t)3;                                                  \
         for (size_t i = 0; i < n; i++) sphpa_palpha_lane_end_(&common, hot, way, x, i);            \
     }                                                                                              \
     SPHPA_NO_INLINE_ void sphpa_palpha_round_##name##_(const sphpa_palpha_common_ *shared,         \
                                                        sphpa_palpha_lanes_ *x) {                   \
         const sphpa_palpha_common_ common = *shared;                                               \
-        const size_t n = x->n;                                                                     \
+        const size_t n = (x->n + 3) & ~(size_t)3;                                                  \
         for (size_t i = 0; i < n; i++) sphpa_palpha_lane_round_(&common, hot, way, x, i);          \
     }
 SPHPA_PALPHA_LOOPS_(cold_square, false, SPHPA_CRUSH_SQUARE_)
@@ -5594,7 +5594,7 @@ SPHPA_PALPHA_LOOPS_(hot_powers, true, SPHPA_CRUSH_LANES_)
     SPHPA_NO_INLINE_ void sphpa_palpha_guesses_##name##_(const sphpa_palpha_common_ *shared,       \
                                                          sphpa_palpha_lanes_ *x) {                 \
         const sphpa_palpha_common_ common = *shared;                                               \
-        const size_t n = x->n;                                                                     \
+        const size_t n = (x->n + 3) & ~(size_t)3;                                                  \
         for (size_t i = 0; i < n; i++) sphpa_palpha_lane_guess_(&common, way, x, i);               \
     }
 SPHPA_PALPHA_LOOPS_(square, SPHPA_CRUSH_SQUARE_)
@@ -5646,6 +5646,27 @@ SPHPA_PRIVATE_ sphpa_result sphpa_palpha_batch_one_(const sphpa_palpha_batch_ *b
     return result;
 }
 
+/* copies a lane */
+SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_move_(sphpa_palpha_lanes_ *x, size_t to, size_t from) {
+    x->id[to] = x->id[from];
+    x->rho[to] = x->rho[from];
+    x->u[to] = x->u[from];
+    x->cap[to] = x->cap[from];
+    x->inv_rho[to] = x->inv_rho[from];
+    x->s[to] = x->s[from];
+    x->lo[to] = x->lo[from];
+    x->hi[to] = x->hi[from];
+    x->from[to] = x->from[from];
+    x->Y1[to] = x->Y1[from];
+    x->Y2[to] = x->Y2[from];
+}
+
+/* The loops run over whole vectors: up to three copies of the last lane behind it, which nobody asks
+   for. */
+SPHPA_FORCE_INLINE_ void sphpa_palpha_lanes_fill_(sphpa_palpha_lanes_ *x) {
+    for (size_t i = x->n; i > 0 && i % 4 != 0; i++) sphpa_palpha_lane_move_(x, i, x->n - 1);
+}
+
 /* takes the answers of the lanes that are done and closes the ranks */
 SPHPA_PRIVATE_ void sphpa_palpha_batch_gather_(sphpa_palpha_block_ *block, sphpa_palpha_lanes_ *x,
                                                int spent, sphpa_palpha_stats *stats) {
@@ -5658,21 +5679,12 @@ SPHPA_PRIVATE_ void sphpa_palpha_batch_gather_(sphpa_palpha_block_ *block, sphpa
             block->c[id] = x->c[i];
             continue;
         }
-        x->id[left] = id;
-        x->rho[left] = x->rho[i];
-        x->u[left] = x->u[i];
-        x->cap[left] = x->cap[i];
-        x->inv_rho[left] = x->inv_rho[i];
-        x->s[left] = x->s[i];
-        x->lo[left] = x->lo[i];
-        x->hi[left] = x->hi[i];
-        x->from[left] = x->from[i];
-        x->Y1[left] = x->Y1[i];
-        x->Y2[left++] = x->Y2[i];
+        sphpa_palpha_lane_move_(x, left++, i);
     }
     stats->evaluations += (size_t)spent * (x->n - left);
     if (left < x->n && spent > stats->evaluations_max) stats->evaluations_max = spent;
     x->n = left;
+    sphpa_palpha_lanes_fill_(x);
 }
 
 /* All rounds of one kind of lanes; what does not come to rest is left to the scalar solver. */
@@ -5682,6 +5694,11 @@ SPHPA_PRIVATE_ void sphpa_palpha_batch_lanes_(const sphpa_palpha_common_ *common
     bool square = common->shape.way == SPHPA_CRUSH_SQUARE_;
     int spent = 1;
     if (x->n == 0) return;
+    for (size_t i = x->n; i % 4 != 0; i++) { /* whole vectors, here too */
+        x->rho[i] = x->rho[x->n - 1];
+        x->u[i] = x->u[x->n - 1];
+        x->cap[i] = x->cap[x->n - 1];
+    }
     if (hot && square) sphpa_palpha_ends_hot_square_(common, x);
     else if (hot) sphpa_palpha_ends_hot_powers_(common, x);
     else if (square) sphpa_palpha_ends_cold_square_(common, x);
