@@ -5361,7 +5361,7 @@ SPHPA_DEF sphpa_result sphpa_palpha_solve_eos(sphpa_palpha_solver solver, const 
 enum { SPHPA_LANES_ = 128, SPHPA_LANES_ROUNDS_ = 6 };
 
 typedef struct sphpa_palpha_lanes_ {
-    size_t n, id[SPHPA_LANES_]; /* id: in the block */
+    size_t n, id[SPHPA_LANES_]; /* id: in the batch */
     double rho[SPHPA_LANES_], u[SPHPA_LANES_], cap[SPHPA_LANES_], inv_rho[SPHPA_LANES_];
     double s[SPHPA_LANES_], lo[SPHPA_LANES_], hi[SPHPA_LANES_];   /* place, and bracket */
     double from[SPHPA_LANES_], Y1[SPHPA_LANES_], Y2[SPHPA_LANES_]; /* alpha a step before, Y there */
@@ -5497,7 +5497,7 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_next_(const sphpa_crush_shape_ *sha
     hi = step->H > 0.0 ? s : hi;
     lo = step->H > 0.0 ? lo : s;
     double far = s + step->ds, middle = hi > 0.0 ? 0.0 : 0.5 * (lo + hi);
-    double inside = sphpa_palpha_and_(far > lo ? 1.0 : 0.0, far < hi);
+    double inside = sphpa_palpha_and_(far >= lo ? 1.0 : 0.0, far <= hi);
     middle = lo < 0.0 ? middle : 0.5 * (lo + hi); /* 0: the knee */
     middle = sphpa_palpha_and_(1.0 - known, far <= lo) > 0.0 ? lo : middle;
     *next = inside > 0.0 ? far : middle;
@@ -5539,30 +5539,20 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_round_(const sphpa_palpha_common_ *co
     sphpa_palpha_step_ step = sphpa_palpha_slopes_(&matrix, &at);
     step.ds = sphpa_crush_step_lane_(step.H, step.H1, step.H2, step.H3);
     double small = sphpa_max_(common->tol, 4.0 * DBL_EPSILON * at.alpha);
-    double noise = DBL_EPSILON * at.alpha * (shape->P0 - at.P1 * fabs(s));
     double closed = sphpa_palpha_and_(step.H > 0.0 ? 1.0 : 0.0, s <= shape->s_end);
-    double rest = sphpa_palpha_or_(closed, fabs(step.H) <= noise); /* no step at all */
     double inside = sphpa_palpha_lane_next_(shape, &step, x, i, &next);
     to = sphpa_palpha_on_curve_(shape, way, next);
-    double near = step.ds * (at.alpha1 + 0.5 * step.ds * at.alpha2);
-    double same = (s > 0.0 ? 1.0 : 0.0) - (s + step.ds > 0.0 ? 1.0 : 0.0);
-    double tiny = sphpa_palpha_and_(fabs(step.ds) <= 1e-7 ? 1.0 : 0.0, fabs(near) <= small);
-    tiny = sphpa_palpha_and_(tiny, fabs(same) + rest <= 0.0);
-    double brief = sphpa_palpha_and_(inside, fabs(to.alpha - at.alpha) + fabs(same) <= small);
-    if (way != SPHPA_CRUSH_SQUARE_) /* Newton has to agree */
-        brief = sphpa_palpha_and_(brief, fabs(step.H) * at.alpha1 <= small * step.H1);
     double last = sphpa_palpha_lane_last_(common, hot, &matrix, &step, &to, at.P, small, x, i);
     last = sphpa_palpha_and_(last, sphpa_palpha_step_good_(shape, way, &matrix, &step, &at, small,
-                                                             to.alpha - at.alpha));
-    last = sphpa_palpha_and_(last, inside - fabs(same) > 0.0);
-    to.alpha = tiny > 0.0 ? at.alpha + near : to.alpha;
-    to.alpha = rest > 0.0 ? at.alpha : to.alpha;
-    to.P = rest + tiny > 0.0 ? at.P : to.P;
-    to.P1 = rest + tiny > 0.0 ? at.P1 : to.P1;
-    to.alpha1 = rest + tiny > 0.0 ? at.alpha1 : to.alpha1;
-    sphpa_palpha_lane_settle_(common, &matrix, &eos, &to, 1.0 - closed, x, i);
-    double done = sphpa_max_(sphpa_max_(rest, tiny), sphpa_max_(brief, last));
-    x->done[i] = sphpa_palpha_and_(done, fabs(matrix.Y) + fabs(matrix.Y1) <= DBL_MAX);
+                                                           to.alpha - at.alpha));
+    last = sphpa_palpha_and_(last, inside > 0.0);
+    if (way != SPHPA_CRUSH_SQUARE_) { /* no knee between */
+        last = sphpa_palpha_and_(last, sphpa_min_(s, next) > 0.0 || sphpa_max_(s, next) <= 0.0);
+    }
+    to.alpha = closed > 0.0 ? at.alpha : to.alpha;
+    sphpa_palpha_lane_settle_(common, &matrix, &eos, &to, last, x, i);
+    x->done[i] = sphpa_palpha_and_(sphpa_max_(closed, last),
+                                   fabs(matrix.Y) + fabs(matrix.Y1) <= DBL_MAX);
     x->s[i] = to.s;
     x->from[i] = at.alpha;
     x->Y2[i] = matrix.Y2;
@@ -5610,11 +5600,11 @@ typedef struct sphpa_palpha_batch_ {
     bool lanes, cold_rises; /* lanes can be used; P rises with alpha wherever u <= u_iv */
 } sphpa_palpha_batch_;
 
-/* The answers of a block: its states are [first, first + n), those of `alone` are not for lanes. */
+/* The states of a block that are left to the scalar solver, and the evaluations that lanes have spent
+   on them. */
 typedef struct sphpa_palpha_block_ {
-    size_t first, n, alone_n, alone[SPHPA_LANES_];
-    int spent[SPHPA_LANES_]; /* evaluations that lanes spent on a state of `alone` */
-    double alpha[SPHPA_LANES_], P[SPHPA_LANES_], c[SPHPA_LANES_];
+    size_t n, id[SPHPA_LANES_];
+    int spent[SPHPA_LANES_];
 } sphpa_palpha_block_;
 
 SPHPA_PRIVATE_ void sphpa_palpha_stats_clear_(sphpa_palpha_stats *stats, size_t n) {
@@ -5667,19 +5657,32 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lanes_fill_(sphpa_palpha_lanes_ *x) {
     for (size_t i = x->n; i > 0 && i % 4 != 0; i++) sphpa_palpha_lane_move_(x, i, x->n - 1);
 }
 
+/* lane k's answer to its state; alpha may lie on top of alpha_old */
+SPHPA_FORCE_INLINE_ void sphpa_palpha_batch_take_(const sphpa_palpha_batch_ *batch,
+                                                  const sphpa_palpha_lanes_ *x, size_t k,
+                                                  sphpa_palpha_stats *stats) {
+    size_t i = x->id[k];
+    batch->alpha[i] = x->alpha[k];
+    batch->P[i] = x->P[k];
+    if (stats->c != NULL) stats->c[i] = x->c[k];
+    if (stats->status != NULL) stats->status[i] = (unsigned char)SPHPA_OK;
+    if (stats->residual == NULL) return;
+    double slope, on = sphpa_crush_curve_(&batch->common.shape, SPHPA_CRUSH_ANY_, x->P[k], &slope);
+    stats->residual[i] = x->alpha[k] - sphpa_min_(on, x->cap[k]);
+}
+
 /* takes the answers of the lanes that are done and closes the ranks */
-SPHPA_PRIVATE_ void sphpa_palpha_batch_gather_(sphpa_palpha_block_ *block, sphpa_palpha_lanes_ *x,
-                                               int spent, sphpa_palpha_stats *stats) {
+SPHPA_PRIVATE_ void sphpa_palpha_batch_gather_(const sphpa_palpha_batch_ *batch,
+                                               sphpa_palpha_lanes_ *x, int spent,
+                                               sphpa_palpha_stats *stats) {
     size_t left = 0;
-    for (size_t i = 0; i < x->n; i++) {
-        size_t id = x->id[i];
-        if (x->done[i] > 0.0) {
-            block->alpha[id] = x->alpha[i];
-            block->P[id] = x->P[i];
-            block->c[id] = x->c[i];
+    for (size_t k = 0; k < x->n; k++) {
+        if (x->done[k] > 0.0) {
+            sphpa_palpha_batch_take_(batch, x, k, stats);
             continue;
         }
-        sphpa_palpha_lane_move_(x, left++, i);
+        if (left < k) sphpa_palpha_lane_move_(x, left, k);
+        left++;
     }
     stats->evaluations += (size_t)spent * (x->n - left);
     if (left < x->n && spent > stats->evaluations_max) stats->evaluations_max = spent;
@@ -5688,9 +5691,10 @@ SPHPA_PRIVATE_ void sphpa_palpha_batch_gather_(sphpa_palpha_block_ *block, sphpa
 }
 
 /* All rounds of one kind of lanes; what does not come to rest is left to the scalar solver. */
-SPHPA_PRIVATE_ void sphpa_palpha_batch_lanes_(const sphpa_palpha_common_ *common, bool hot,
-                                              sphpa_palpha_block_ *block, sphpa_palpha_lanes_ *x,
+SPHPA_PRIVATE_ void sphpa_palpha_batch_lanes_(const sphpa_palpha_batch_ *batch, bool hot,
+                                              sphpa_palpha_lanes_ *x, sphpa_palpha_block_ *block,
                                               sphpa_palpha_stats *stats) {
+    const sphpa_palpha_common_ *common = &batch->common;
     bool square = common->shape.way == SPHPA_CRUSH_SQUARE_;
     int spent = 1;
     if (x->n == 0) return;
@@ -5703,7 +5707,7 @@ SPHPA_PRIVATE_ void sphpa_palpha_batch_lanes_(const sphpa_palpha_common_ *common
     else if (hot) sphpa_palpha_ends_hot_powers_(common, x);
     else if (square) sphpa_palpha_ends_cold_square_(common, x);
     else sphpa_palpha_ends_cold_powers_(common, x);
-    sphpa_palpha_batch_gather_(block, x, spent, stats);
+    sphpa_palpha_batch_gather_(batch, x, spent, stats);
     if (square) sphpa_palpha_guesses_square_(common, x);
     else sphpa_palpha_guesses_powers_(common, x);
     for (; spent <= SPHPA_LANES_ROUNDS_ && x->n > 0; spent++) {
@@ -5711,43 +5715,12 @@ SPHPA_PRIVATE_ void sphpa_palpha_batch_lanes_(const sphpa_palpha_common_ *common
         else if (hot) sphpa_palpha_round_hot_powers_(common, x);
         else if (square) sphpa_palpha_round_cold_square_(common, x);
         else sphpa_palpha_round_cold_powers_(common, x);
-        sphpa_palpha_batch_gather_(block, x, spent + 1, stats);
+        sphpa_palpha_batch_gather_(batch, x, spent + 1, stats);
     }
     for (size_t i = 0; i < x->n; i++) {
-        block->spent[block->alone_n] = spent;
-        block->alone[block->alone_n++] = x->id[i];
+        block->spent[block->n] = spent;
+        block->id[block->n++] = x->id[i];
     }
-}
-
-/* Hands out a block's answers. alone's come last, and alpha_old of these is still what it was: alpha
-   may lie on top of it. */
-SPHPA_PRIVATE_ sphpa_result sphpa_palpha_batch_deliver_(const sphpa_palpha_batch_ *batch,
-                                                        const sphpa_palpha_block_ *block,
-                                                        sphpa_palpha_stats *stats) {
-    sphpa_result worst = SPHPA_OK;
-    unsigned char by_lane[SPHPA_LANES_];
-    memset(by_lane, 1, sizeof by_lane);
-    for (size_t k = 0; k < block->alone_n; k++) by_lane[block->alone[k]] = 0;
-    for (size_t k = 0; k < block->n; k++) {
-        size_t i = block->first + k;
-        if (by_lane[k] == 0) continue;
-        if (stats->residual != NULL) {
-            double slope, cap = batch->alpha_old[i];
-            double on = sphpa_crush_curve_(&batch->common.shape, SPHPA_CRUSH_ANY_, block->P[k],
-                                           &slope);
-            stats->residual[i] = block->alpha[k] - sphpa_min_(on, cap);
-        }
-        batch->alpha[i] = block->alpha[k];
-        batch->P[i] = block->P[k];
-        if (stats->c != NULL) stats->c[i] = block->c[k];
-        if (stats->status != NULL) stats->status[i] = (unsigned char)SPHPA_OK;
-    }
-    for (size_t k = 0; k < block->alone_n; k++) {
-        sphpa_result result = sphpa_palpha_batch_one_(batch, block->first + block->alone[k],
-                                                      block->spent[k], stats);
-        if (result > worst) worst = result;
-    }
-    return worst;
 }
 
 /* May state i go by lane? Everything that begin_ would mind, and all that lanes leave out. */
@@ -5760,32 +5733,35 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_batch_plain_(const sphpa_palpha_batch_ *ba
     return (batch->cold_rises && u <= mat->u_iv) || sphpa_palpha_rising_(mat, rho, u) <= 1.0;
 }
 
-/* the states [first, first + n), n at most SPHPA_LANES_ */
+/* The states [first, first + n), n at most SPHPA_LANES_. Those that are left to the scalar solver come
+   last: no one has written to their alpha, which may lie on top of their alpha_old. */
 SPHPA_PRIVATE_ sphpa_result sphpa_palpha_batch_block_(const sphpa_palpha_batch_ *batch,
                                                       size_t first, size_t n,
                                                       sphpa_palpha_stats *stats) {
     sphpa_palpha_lanes_ lanes[2]; /* cold, hot */
     sphpa_palpha_block_ block;
-    block.first = first;
-    block.n = n;
-    block.alone_n = lanes[0].n = lanes[1].n = 0;
-    for (size_t k = 0; k < n; k++) {
-        double rho = batch->rho[first + k], u = batch->u[first + k];
-        double alpha_old = batch->alpha_old[first + k];
+    sphpa_result worst = SPHPA_OK;
+    block.n = lanes[0].n = lanes[1].n = 0;
+    for (size_t i = first; i < first + n; i++) {
+        double rho = batch->rho[i], u = batch->u[i], alpha_old = batch->alpha_old[i];
         if (!sphpa_palpha_batch_plain_(batch, rho, u, alpha_old)) {
-            block.spent[block.alone_n] = 0;
-            block.alone[block.alone_n++] = k;
+            block.spent[block.n] = 0;
+            block.id[block.n++] = i;
             continue;
         }
         sphpa_palpha_lanes_ *x = &lanes[u > batch->common.mat.u_iv];
-        x->id[x->n] = k;
+        x->id[x->n] = i;
         x->rho[x->n] = rho;
         x->u[x->n] = u;
         x->cap[x->n++] = alpha_old;
     }
-    sphpa_palpha_batch_lanes_(&batch->common, false, &block, &lanes[0], stats);
-    sphpa_palpha_batch_lanes_(&batch->common, true, &block, &lanes[1], stats);
-    return sphpa_palpha_batch_deliver_(batch, &block, stats);
+    sphpa_palpha_batch_lanes_(batch, false, &lanes[0], &block, stats);
+    sphpa_palpha_batch_lanes_(batch, true, &lanes[1], &block, stats);
+    for (size_t k = 0; k < block.n; k++) {
+        sphpa_result result = sphpa_palpha_batch_one_(batch, block.id[k], block.spent[k], stats);
+        if (result > worst) worst = result;
+    }
+    return worst;
 }
 
 /* adds up what the blocks have counted; the arrays are the caller's */
