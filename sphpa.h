@@ -3630,12 +3630,14 @@ SPHPA_FORCE_INLINE_ sphpa_crush_power_ sphpa_crush_power_of_(double x, double n,
     return out;
 }
 
-/* for whole exponents, without a branch that depends on x */
+/* for whole exponents up to 18, without a branch that depends on x */
+enum { SPHPA_CRUSH_LANE_MOST_ = 17 };
+
 SPHPA_FORCE_INLINE_ sphpa_crush_power_ sphpa_crush_power_lane_(double x, double n, int m) {
-    double x2 = x * x, x4 = x2 * x2, x8 = x4 * x4, x16 = x8 * x8, x32 = x16 * x16;
-    int bits = m > 1 ? m - 2 : 0; /* below 64; of the call, not of the lane */
-    double y = (bits & 1 ? x : 1.0) * (bits & 2 ? x2 : 1.0) * (bits & 4 ? x4 : 1.0) *
-               (bits & 8 ? x8 : 1.0) * (bits & 16 ? x16 : 1.0) * (bits & 32 ? x32 : 1.0);
+    double x2 = x * x, x4 = x2 * x2, x8 = x4 * x4;
+    int bits = m > 1 ? m - 2 : 0; /* below 16; of the call, not of the lane */
+    double y = ((bits & 1 ? x : 1.0) * (bits & 2 ? x2 : 1.0)) *
+               ((bits & 4 ? x4 : 1.0) * (bits & 8 ? x8 : 1.0));
     sphpa_crush_power_ out;
     out.d3 = n * (n - 1.0) * (n - 2.0) * y; /* m is 1 or 0: a factor is 0 */
     y = m > 1 ? y * x : 1.0;
@@ -5826,7 +5828,8 @@ SPHPA_DEF sphpa_result sphpa_palpha_solve_batch(sphpa_palpha_solver solver,
     batch.alpha = alpha;
     batch.P = P;
     batch.lanes = solver == SPHPA_PALPHA_CRUSH_SPACE && !call.shape.dense &&
-                  call.shape.way != SPHPA_CRUSH_ANY_;
+                  call.shape.way != SPHPA_CRUSH_ANY_ && call.shape.m1 <= SPHPA_CRUSH_LANE_MOST_ &&
+                  call.shape.m2 <= SPHPA_CRUSH_LANE_MOST_;
     batch.cold_rises = mat->B >= 0.0 && (mat->B <= mat->A || mat->zero_B_expanded != 0);
     return sphpa_palpha_batch_run_(&batch, n, stats != NULL ? stats : &own);
 }
