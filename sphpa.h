@@ -4007,6 +4007,7 @@ SPHPA_FORCE_INLINE_ double sphpa_crush_halley_lane_(double H, double H1, double 
     return -2.0 * H * H1 / bottom;
 }
 
+/* sphpa_crush_step_ without a branch */
 SPHPA_FORCE_INLINE_ double sphpa_crush_step_lane_(double H, double H1, double H2, double H3) {
     double square = H1 * H1, x = H * H2, y = H * H * H3, third = 2.0 * square - x;
     third = third < 3.0 * square ? third : 3.0 * square;
@@ -4457,9 +4458,9 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_guess_(const sphpa_palpha_task_ *task,
         s = ((shape->Ps - P) * shape->inv_R - shape->t0) / shape->c;
     }
     if (!(s > end)) return end;
-    for (int k = 0; k < (way == SPHPA_CRUSH_SQUARE_ ? 1 : 3); k++) {
+    for (int k = 0; k < (way == SPHPA_CRUSH_ANY_ ? 3 : 1); k++) {
         sphpa_palpha_place_ at = sphpa_palpha_path_(task, way, s);
-        double ds = sphpa_palpha_step_of_(SPHPA_CRUSH_ANY_, matrix, &at).ds;
+        double ds = sphpa_palpha_step_of_(way, matrix, &at).ds;
         if (!(fabs(ds) < 1.0 - end)) break;
         s = sphpa_clamp_(s + ds, end, 1.0);
         if (fabs(ds) <= 3e-4 * fabs(s)) break;
@@ -5440,7 +5441,9 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_model_(const sphpa_crush_shape_ *sh
                                                     const sphpa_palpha_parabola_ *matrix, double s) {
     sphpa_palpha_place_ at = sphpa_palpha_on_curve_(shape, way, s);
     sphpa_palpha_step_ step = sphpa_palpha_slopes_(matrix, &at);
-    double ds = sphpa_crush_halley_lane_(step.H, step.H1, step.H2), end = shape->s_end;
+    double end = shape->s_end, ds;
+    if (way == SPHPA_CRUSH_SQUARE_) ds = sphpa_crush_halley_lane_(step.H, step.H1, step.H2);
+    else ds = sphpa_crush_step_lane_(step.H, step.H1, step.H2, step.H3);
     double moved = fabs(ds) < 1.0 - end ? sphpa_clamp_(s + ds, end, 1.0) : s;
     return s > end ? moved : s;
 }
@@ -5460,9 +5463,6 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_guess_(const sphpa_palpha_common_ *co
     double s = sphpa_crush_meet_(shape, way, sphpa_max_(D, 0.0), cap, P);
     s = sphpa_max_(D > 0.0 ? s : gas, end);
     s = sphpa_palpha_lane_model_(shape, way, &matrix, s);
-    if (way == SPHPA_CRUSH_LANES_) { /* a loop here would not be vectorised */
-        s = sphpa_palpha_lane_model_(shape, way, &matrix, s);
-    }
     x->s[i] = s;
     x->lo[i] = end;
     x->hi[i] = 1.0;
