@@ -171,7 +171,7 @@ static void path_move(path_state *x, path_rates r, double rho, double h, double 
 
 /* One step of length h, that brings x to rho; `r` are the rates at its start. Heun's trial ends
    below a curve that bends upwards. To take that for unloading halves the rate, and the step ends
-   above the curve by half of what it closes; so a cut step, with no yield inside, loads to its end. */
+   above the curve by half of what it closes; so a cut step, with no yield inside, keeps loading. */
 static void path_evolution_step(const path_case *c, const path_method *m, path_state *x,
                                 path_rates r, double rho, double h, double heating) {
     path_state trial = *x;
