@@ -311,8 +311,9 @@ static void tol_write_csv(const tol_report *report) {
    says how far it is off. */
 static void tol_head(const tol_report *report, char head[256]) {
     const impact_settings *s = report->s;
-    snprintf(head, 256, "# D alpha in double: %zu %ld particles, target %.17g m, curve %d, %.17g s\n",
-             report->row[0].n, s->projectile_particles, s->target_diameter, s->curve, s->t_end);
+    snprintf(head, 256, "# D alpha in double: %zu %ld particles, target %.17g m, curve %d, %.17g "
+             "s\n", report->row[0].n, s->projectile_particles, s->target_diameter, s->curve,
+             s->t_end);
 }
 
 #ifndef SPHPA_FLOAT
