@@ -339,9 +339,9 @@ SPHPA_DEF sphpa_result sphpa_error_set(sphpa_error *err, sphpa_result result, co
 
 /* ---- random numbers ---------------------------------------------------------------------------*/
 
-/* PCG-XSH-RR 64/32 (O'Neill 2014): the only source of randomness in the toolkit. Seed and stream may
-   be any numbers, such as 1, 2, 3: they are mixed (splitmix64, Steele, Lea & Flood 2014), so that
-   streams that differ in one bit are as independent as any. */
+/* PCG-XSH-RR 64/32 (O'Neill 2014): the only source of randomness in the toolkit. Seed and stream
+   may be any numbers, such as 1, 2, 3: they are mixed (splitmix64, Steele, Lea & Flood 2014), so
+   that streams that differ in one bit are as independent as any. */
 typedef struct sphpa_rng {
     uint64_t state; /* advances by one multiplication a draw */
     uint64_t inc;   /* selects the stream; odd */
@@ -2362,7 +2362,8 @@ SPHPA_PRIVATE_ uint64_t sphpa_mix_(uint64_t x) {
 }
 
 /* An LCG's streams are one sequence, shifted: what is near in seed or stream would stay near, and
-   increments that differ in the highest bit alone give every other draw alike. So both are mixed. */
+   increments that differ in the highest bit alone give every other draw alike. So both are
+   mixed. */
 SPHPA_DEF sphpa_rng sphpa_rng_seed(uint64_t seed, uint64_t stream) {
     sphpa_rng rng;
     uint64_t mixed = sphpa_mix_(stream);
@@ -9422,9 +9423,9 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_allocate_(sphpa_sim *sim, const sphpa_part
     for (size_t i = 0; i < initial->n && initial->alpha != NULL && sim->p.alpha == NULL; i++)
         if (initial->alpha[i] > 1.0 && result == SPHPA_OK)
             result = sphpa_error_set(err, SPHPA_ERROR_ALPHA,
-                                     "particle %zu has alpha = %g, but no module of the scene knows "
-                                     "pores; add sphpa_pores(), or make it with alpha = 1", i,
-                                     initial->alpha[i]);
+                                     "particle %zu has alpha = %g, but no module of the scene "
+                                     "knows pores; add sphpa_pores(), or make it with alpha = 1",
+                                     i, initial->alpha[i]);
     return result;
 }
 
@@ -9762,8 +9763,8 @@ SPHPA_PRIVATE_ sphpa_gas_sum_ sphpa_gas_sum_at_(const sphpa_sim *sim, const sphp
 
 /* Equation (1) by Newton in h, kept between bounds that close in; the last step is too small for a
    new sum, the density follows by its derivative: both are good to rounding, whatever h came in.
-   The Gaussian ends in a jump: where rho leaps over the root as h grows past a neighbour, the bounds
-   close on the jump, and h stays there. */
+   The Gaussian ends in a jump: where rho leaps over the root as h grows past a neighbour, the
+   bounds close on the jump, and h stays there. */
 SPHPA_PRIVATE_ void sphpa_gas_density_(sphpa_sim *sim, void *params, const sphpa_neighbours *near) {
     const sphpa_gas_params *gas = (const sphpa_gas_params *)params;
     size_t i = near->i;
@@ -10672,7 +10673,8 @@ SPHPA_DEF sphpa_module sphpa_solid(sphpa_solid_params *params) {
     module.check = sphpa_solid_check_all_;
     sphpa_solid_gradient_pass_(&module, params);
     sphpa_pass *density = sphpa_module_pass_(&module, "solid density", SPHPA_STAGE_GRADIENTS,
-                                             SPHPA_F(div_v) | SPHPA_F(h0) | SPHPA_F(rho_h0), SPHPA_F(h));
+                                             SPHPA_F(div_v) | SPHPA_F(h0) | SPHPA_F(rho_h0),
+                                             SPHPA_F(h));
     density->advances = SPHPA_F(rho);
     density->particle = sphpa_solid_density_;
     sphpa_pass *pressure = sphpa_module_pass_(&module, "solid pressure", SPHPA_STAGE_PRESSURE,
@@ -10883,7 +10885,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_pores_check_material_(const sphpa_pores_params
                                  pores->options.max_iterations, sphpa_result_message(result));
 }
 
-/* three times the matrix's density at rest: rho is likely the matrix's, where the bulk's is wanted */
+/* three times the matrix's density at rest: rho is likely the matrix's where the bulk's is due */
 SPHPA_PRIVATE_ sphpa_result sphpa_pores_check_rho_(const sphpa_sim *sim,
                                                    const sphpa_pores_params *pores, int k,
                                                    sphpa_error *err) {
@@ -11041,9 +11043,9 @@ SPHPA_PRIVATE_ sphpa_result sphpa_plastic_check_damage_(const sphpa_plastic_para
         int knows = plastic->yield[k].kind == SPHPA_YIELD_COLLINS;
         if (knows == (solid->material[k].damage_in_yield != 0)) continue;
         return sphpa_error_set(err, SPHPA_ERROR_MATERIAL,
-                               knows ? "plastic: the COLLINS surface of material %d knows D already; "
-                                       "set damage_in_yield = 1 in its sphpa_solid_material, or D "
-                                       "weakens it twice"
+                               knows ? "plastic: the COLLINS surface of material %d knows D "
+                                       "already; set damage_in_yield = 1 in its "
+                                       "sphpa_solid_material, or D weakens it twice"
                                      : "plastic: the surface of material %d does not know D; set "
                                        "damage_in_yield = 0 in its sphpa_solid_material, or D does "
                                        "not weaken it at all", k);

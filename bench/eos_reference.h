@@ -516,8 +516,8 @@ typedef struct ref_signs {
     bool below, zero, above; /* did F < 0, F = 0, F > 0 occur? */
 } ref_signs;
 
-/* The signs of F at x - d, x and x + d over the corners of inputs moved by m roundings: which of them
-   occur? u is also left where it is: P has a kink in u at u_iv and u_cv, and may be lowest
+/* The signs of F at x - d, x and x + d over the corners of inputs moved by m roundings: which of
+   them occur? u is also left where it is: P has a kink in u at u_iv and u_cv, and may be lowest
    there. */
 static inline void ref_corners(const ref_problem *p, long double x, long double d, long double m,
                                ref_signs *signs) {

@@ -91,7 +91,8 @@ typedef struct path_method {
     const char *name, *colour, *rest; /* rest: how its line is drawn */
     path_form form;
     sphpa_palpha_solver solver;
-    bool cut; /* evolution: a step ends where the pores begin to close, and P >= Ps closes them */
+    bool cut; /* evolution: a step ends where the pores begin to close, one that begins so closes
+                 them to its end, and P >= Ps closes them all */
 } path_method;
 
 /* the solver of the evolution form is not asked */
@@ -140,10 +141,11 @@ typedef struct path_rates {
 } path_rates;
 
 /* What sphpa_palpha_rate does, which asks the equation of state again: a state loads that is at the
-   curve, to a millionth of alpha0 - 1, or above it; pores do not open. A path that has gone wrong
-   may end in tension below u = 0: the equation of state is asked at 0, as in the simulations. */
+   curve, to a millionth of alpha0 - 1, or above it; pores do not open. loads: it does, wherever it
+   is. A path that has gone wrong may end in tension below u = 0: the equation of state is asked at
+   0, as in the simulations. */
 static path_rates path_rates_at(const path_case *c, const path_state *x, double drho,
-                                double heating) {
+                                double heating, bool loads) {
     sphpa_eos_point point;
     path_rates r;
     sphpa_result result =
@@ -151,9 +153,9 @@ static path_rates path_rates_at(const path_case *c, const path_state *x, double 
     if (result != SPHPA_OK) path_fail(c, x, result);
     r.P = point.P / x->alpha;
     r.dalpha = 0.0;
-    if (r.P < c->curve.Pe || !(x->alpha > 1.0)) return r;
-    double slope, on = sphpa_crush_alpha(&c->curve, r.P, &slope);
-    if (on > x->alpha + 1e-6 * (c->curve.alpha0 - 1.0)) return r;
+    if (!(x->alpha > 1.0) || (!loads && r.P < c->curve.Pe)) return r;
+    double slope, on = sphpa_crush_alpha(&c->curve, fmax(r.P, c->curve.Pe), &slope);
+    if (!loads && on > x->alpha + 1e-6 * (c->curve.alpha0 - 1.0)) return r;
     double du = r.P * drho / (x->rho * x->rho) + heating;
     double top = (du * point.dP_du + x->alpha * drho * point.dP_drho) * slope;
     r.dalpha = fmin(0.0, top / (x->alpha + slope * (r.P - x->rho * point.dP_drho)));
@@ -167,18 +169,21 @@ static void path_move(path_state *x, path_rates r, double rho, double h, double 
     x->rho = rho;
 }
 
-/* One step of length h, that brings x to rho; `r` are the rates at its start. */
+/* One step of length h, that brings x to rho; `r` are the rates at its start. Heun's trial ends
+   below a curve that bends upwards. To take that for unloading halves the rate, and the step ends
+   above the curve by half of what it closes; so a cut step, with no yield inside, keeps loading. */
 static void path_evolution_step(const path_case *c, const path_method *m, path_state *x,
                                 path_rates r, double rho, double h, double heating) {
     path_state trial = *x;
     double drho = (rho - x->rho) / h;
     if (m->form == PATH_MIDPOINT) {
         path_move(&trial, r, 0.5 * (x->rho + rho), 0.5 * h, heating);
-        r = path_rates_at(c, &trial, drho, heating);
+        r = path_rates_at(c, &trial, drho, heating, false);
     }
     if (m->form == PATH_HEUN) {
         path_move(&trial, r, rho, h, heating);
-        path_rates end = path_rates_at(c, &trial, drho, heating);
+        bool loads = m->cut && r.dalpha < 0.0;
+        path_rates end = path_rates_at(c, &trial, drho, heating, loads);
         r.P = 0.5 * (r.P + end.P);
         r.dalpha = 0.5 * (r.dalpha + end.dalpha);
     }
@@ -191,7 +196,7 @@ static double path_beyond(const path_case *c, const path_state *from, int leg, d
     path_rates r = {P, 0.0};
     *end = *from;
     path_move(end, r, path_rho(c, leg, s + h), h, c->leg[leg].heat);
-    return path_rates_at(c, end, 0.0, 0.0).P - yield;
+    return path_rates_at(c, end, 0.0, 0.0, false).P - yield;
 }
 
 /* The length of an elastic step that ends where the pores begin to close; h: not before its end.
@@ -224,7 +229,7 @@ static int path_evolve(const path_case *c, const path_method *m, int leg, double
                        path_state *x) {
     double left = step, drho = c->leg[leg].rho - path_leg_start(c, leg), heat = c->leg[leg].heat;
     for (int count = 1;; count++) {
-        path_rates r = path_rates_at(c, x, drho, heat);
+        path_rates r = path_rates_at(c, x, drho, heat, false);
         if (m->cut && r.P >= c->curve.Ps) x->alpha = 1.0;
         double h = left;
         if (-r.dalpha * h > PATH_DALPHA) h = -PATH_DALPHA / r.dalpha;

@@ -11,7 +11,12 @@
 
 #include "bench_clock.h"
 
-enum { REPLAY_SOLVERS = 3, REPLAY_RUNS = 4, REPLAY_REPEATS = 9 }; /* the last run: nudged */
+enum {
+    REPLAY_SOLVERS = 3,
+    REPLAY_RUNS = 4, /* the last one: nudged */
+    REPLAY_REPEATS = 9,
+    REPLAY_STATES = 4000000 /* recorded, at most: of evenly spread steps */
+};
 
 static const sphpa_palpha_solver replay_solvers[REPLAY_SOLVERS] = {
     SPHPA_PALPHA_CRUSH_SPACE, SPHPA_PALPHA_SAFE_NEWTON, SPHPA_PALPHA_BISECTION};
@@ -28,6 +33,7 @@ typedef struct replay_options {
 
 typedef struct replay_states {
     size_t n, room, each; /* states; memory for; particles of the target */
+    long step, stride;    /* seen so far; every stride-th is recorded */
     double *rho, *u, *alpha_old;
 } replay_states;
 
@@ -37,6 +43,7 @@ static sphpa_result replay_record(sphpa_sim *sim, void *params, size_t first, si
     replay_states *states = (replay_states *)params;
     const sphpa_particles *p = &sim->p;
     (void)bad;
+    if (states->step++ % states->stride != 0) return SPHPA_OK;
     for (size_t i = first; i < last; i++) {
         if (p->material[i] != IMPACT_TARGET || states->n == states->room) continue;
         states->rho[states->n] = p->rho[i];
@@ -111,8 +118,8 @@ static void replay_one(const impact_settings *s, const again_change *change, lon
 
 /* medians over the repeats, each of which runs every solver once */
 static void replay_all(const impact_settings *s, const replay_options *o,
-                       replay_run runs[REPLAY_RUNS], double spread[REPLAY_SOLVERS]) {
-    static double sample[REPLAY_SOLVERS][4][REPLAY_REPEATS];
+                       replay_run runs[REPLAY_RUNS], double spread[REPLAY_SOLVERS], double *noise) {
+    static double sample[REPLAY_SOLVERS][4][REPLAY_REPEATS], fixed[REPLAY_SOLVERS * REPLAY_REPEATS];
     double unused;
     int repeats = (int)o->repeats;
     for (int r = 0; r < repeats; r++)
@@ -120,11 +127,11 @@ static void replay_all(const impact_settings *s, const replay_options *o,
             int k = (turn + r) % REPLAY_SOLVERS;
             again_change change = {replay_solvers[k], o->tol, 0, 0.0};
             replay_one(s, &change, o->steps, NULL, &runs[k]);
+            fixed[r * REPLAY_SOLVERS + turn] = bench_fixed_work();
             const double part[4] = {runs[k].eos, runs[k].gradients, runs[k].forces, runs[k].step};
             for (int q = 0; q < 4; q++) sample[k][q][r] = part[q];
             fprintf(stderr, "run %d of %d, %s: %.3f ms a step\n", r * REPLAY_SOLVERS + turn + 1,
-                    repeats * REPLAY_SOLVERS, replay_names[k],
-                    runs[k].step);
+                    repeats * REPLAY_SOLVERS, replay_names[k], runs[k].step);
         }
     for (int k = 0; k < REPLAY_SOLVERS; k++) {
         runs[k].eos = bench_median(sample[k][0], repeats, &spread[k]);
@@ -132,6 +139,7 @@ static void replay_all(const impact_settings *s, const replay_options *o,
         runs[k].forces = bench_median(sample[k][2], repeats, &unused);
         runs[k].step = bench_median(sample[k][3], repeats, &unused);
     }
+    (void)bench_median(fixed, repeats * REPLAY_SOLVERS, noise);
     again_change nudged = {SPHPA_PALPHA_CRUSH_SPACE, o->tol, 1, 0.0};
     replay_one(s, &nudged, o->steps, NULL, &runs[REPLAY_SOLVERS]);
 }
@@ -139,7 +147,7 @@ static void replay_all(const impact_settings *s, const replay_options *o,
 /* ---- (2) the same states to each ------------------------------------------------------------- */
 
 typedef struct replay_answers {
-    double *alpha, *P, ns, off; /* off: of crush-space's alpha, at most */
+    double *alpha, *P, ns, spread, off; /* off: of crush-space's alpha, at most */
     sphpa_palpha_stats stats;
 } replay_answers;
 
@@ -167,12 +175,11 @@ static double replay_pass(const impact_scene *scene, const replay_states *states
 static void replay_states_solve(const impact_scene *scene, const replay_states *states, double tol,
                                 replay_answers answers[REPLAY_SOLVERS]) {
     static double sample[REPLAY_SOLVERS][REPLAY_REPEATS];
-    double unused;
     for (int r = 0; r < REPLAY_REPEATS; r++)
         for (int k = 0; k < REPLAY_SOLVERS; k++)
             sample[k][r] = replay_pass(scene, states, replay_solvers[k], tol, &answers[k]);
     for (int k = 0; k < REPLAY_SOLVERS; k++) {
-        answers[k].ns = bench_median(sample[k], REPLAY_REPEATS, &unused);
+        answers[k].ns = bench_median(sample[k], REPLAY_REPEATS, &answers[k].spread);
         for (size_t i = 0; i < states->n; i++)
             answers[k].off =
                 fmax(answers[k].off, fabs(answers[k].alpha[i] - answers[0].alpha[i]));
@@ -182,15 +189,19 @@ static void replay_states_solve(const impact_scene *scene, const replay_states *
 /* ---- what is printed ------------------------------------------------------------------------- */
 
 static void replay_print_times(const replay_run runs[REPLAY_RUNS],
-                               const double spread[REPLAY_SOLVERS]) {
-    printf("\n### What a step costs [ms]: medians\n\n"
+                               const double spread[REPLAY_SOLVERS], double noise, long repeats) {
+    printf("\n### What a step costs [ms]: medians of %ld\n\n"
+           "A fixed piece of work beside the runs spread by %.1f %%%s\n\n"
            "| solver      |    EOS | err%% | gradients | forces | EOS share |   step | evals |\n"
-           "|:------------|-------:|-----:|----------:|-------:|----------:|-------:|------:|\n");
+           "|:------------|-------:|-----:|----------:|-------:|----------:|-------:|------:|\n",
+           repeats, noise, noise > BENCH_NOISY_PCT ? ": THE MACHINE IS NOISY" : "");
     for (int k = 0; k < REPLAY_SOLVERS; k++) {
         const replay_run *r = &runs[k];
-        printf("| %-11s | %6.3f | %4.1f | %9.3f | %6.3f | %7.2f %% | %6.3f | %5.2f |\n",
-               replay_names[k], r->eos, spread[k], r->gradients,
-               r->forces, 100.0 * r->eos / (r->gradients + r->forces), r->step, r->evaluations);
+        char err[16] = "-";
+        if (repeats > 1) snprintf(err, sizeof err, "%.1f", spread[k]);
+        printf("| %-11s | %6.3f | %4s | %9.3f | %6.3f | %7.2f %% | %6.3f | %5.2f |\n",
+               replay_names[k], r->eos, err, r->gradients, r->forces,
+               100.0 * r->eos / (r->gradients + r->forces), r->step, r->evaluations);
     }
     fputs("\n"
           "EOS: the pass that solves P and alpha, all its calls (trial and commit). gradients:\n"
@@ -215,13 +226,13 @@ static void replay_print_states(const replay_states *states,
     printf("\n### The same %zu recorded states to each solver, tolerance %g, one thread\n\n"
            "%.2f %% of them have their root strictly inside [1, alpha_old]; a bisection that tests "
            "no ends\nwould halve each %.1f times\n\n"
-           "| solver      | ns/solve | evals | failed | max alpha off crush-space |\n"
-           "|:------------|---------:|------:|-------:|--------------------------:|\n",
+           "| solver      | ns/solve | err%% | evals | failed | max alpha off crush-space |\n"
+           "|:------------|---------:|-----:|------:|-------:|--------------------------:|\n",
            states->n, tol, 100.0 * (double)inside / (double)states->n,
            halvings / (double)states->n);
     for (int k = 0; k < REPLAY_SOLVERS; k++)
-        printf("| %-11s | %8.1f | %5.2f | %6zu | %25.2e |\n",
-               replay_names[k], answers[k].ns,
+        printf("| %-11s | %8.1f | %4.1f | %5.2f | %6zu | %25.2e |\n",
+               replay_names[k], answers[k].ns, answers[k].spread,
                (double)answers[k].stats.evaluations / (double)states->n, answers[k].stats.failed,
                answers[k].off);
     double worst = fmax(answers[1].off, answers[2].off);
@@ -232,7 +243,11 @@ static void replay_print_states(const replay_states *states,
 /* records an impact's states, solves and prints; what is allocated goes with the program */
 static void replay_same_states(const impact_settings *s, const replay_options *o,
                                size_t particles) {
-    replay_states states = {0, particles * (size_t)o->steps, particles, NULL, NULL, NULL};
+    replay_states states;
+    memset(&states, 0, sizeof states);
+    states.stride = (long)(particles * (size_t)o->steps / REPLAY_STATES) + 1;
+    states.each = particles;
+    states.room = particles * (size_t)((o->steps + states.stride - 1) / states.stride);
     states.rho = again_doubles(states.room);
     states.u = again_doubles(states.room);
     states.alpha_old = again_doubles(states.room);
@@ -288,11 +303,6 @@ static void replay_print_about(const impact_settings *s, const replay_options *o
            s->particles, s->projectile_particles, o->steps, o->tol);
     printf("- cpu: %s, %d threads\n- compiler: %s\n- flags: %s\n", cpu, example_threads(0),
            BENCH_COMPILER, BENCH_FLAGS);
-    double noise[REPLAY_REPEATS], spread;
-    for (int r = 0; r < REPLAY_REPEATS; r++) noise[r] = bench_fixed_work();
-    (void)bench_median(noise, REPLAY_REPEATS, &spread);
-    printf("- a fixed piece of work spread by %.1f %%%s\n", spread,
-           spread > BENCH_NOISY_PCT ? ": THE MACHINE IS NOISY" : "");
 }
 
 int main(int argc, char **argv) {
@@ -312,11 +322,11 @@ int main(int argc, char **argv) {
     (void)example_threads(o.threads);
     if (o.quick) s.particles = 2000, o.steps = 200, o.repeats = 1;
     replay_run runs[REPLAY_RUNS];
-    double spread[REPLAY_SOLVERS];
+    double spread[REPLAY_SOLVERS], noise;
     memset(runs, 0, sizeof runs);
     replay_print_about(&s, &o);
-    replay_all(&s, &o, runs, spread);
-    replay_print_times(runs, spread);
+    replay_all(&s, &o, runs, spread, &noise);
+    replay_print_times(runs, spread, noise, o.repeats);
     replay_same_states(&s, &o, runs[0].n);
     replay_print_runs(runs, &o);
     if (fflush(stdout) != 0 || ferror(stdout))

@@ -25,6 +25,7 @@
 enum { TOL_SAMPLES = 40, TOL_ROWS = 24, TOL_ROUNDED = 2, TOL_CONTROLS = 4 };
 #define TOL_REFERENCE 1e-14
 #define TOL_NUDGE 1e-4 /* of the controls after the first TOL_ROUNDED, which get a rounding */
+#define TOL_DAMAGED 1e-3 /* mean D below which there is nothing to judge */
 #define TOL_LOUDER 0.1 /* a measure this much above the reference's rings, if no control's does */
 
 #ifdef SPHPA_FLOAT
@@ -159,7 +160,8 @@ static void tol_one(tol_report *report, sphpa_palpha_solver solver, double tol, 
     for (int k = 0; k < 4; k++) free(*all[k]);
     row->seconds = sphpa_wall_clock() - since;
     fprintf(stderr, "%s, %s, tol %g%s: %.1f s\n", TOL_REAL, sphpa_palpha_solver_name(solver), tol,
-            nudge > 0 ? ", nudged" : "", row->seconds);
+            nudge == 0 ? "" : nudge > TOL_ROUNDED ? ", nudged by 1e-4" : ", nudged by a rounding",
+            row->seconds);
 }
 
 /* rms and largest difference of one field, of two runs */
@@ -218,14 +220,16 @@ static double tol_rounding(const tol_report *report) { /* rms of D that a roundi
 }
 
 /* the least tolerance at which a solver's damage rings, or 0; *off: at which it is off by more than
-   three times what a rounding comes to */
-static double tol_ringing_from(const tol_report *report, sphpa_palpha_solver solver, double *off) {
+   three times what a rounding comes to; *most: the largest that was tried */
+static double tol_ringing_from(const tol_report *report, sphpa_palpha_solver solver, double *off,
+                               double *most) {
     double least = 0.0;
-    *off = 0.0;
+    *off = *most = 0.0;
     for (int k = 1 + TOL_CONTROLS; k < report->count; k++) {
         const tol_row *row = &report->row[k];
         double tol = row->change.tol;
         if (row->change.solver != solver) continue;
+        *most = fmax(*most, tol);
         if (tol_rings(report, row) && (least <= 0.0 || tol < least)) least = tol;
         if (row->D_rms > 3.0 * tol_rounding(report) && (*off <= 0.0 || tol < *off)) *off = tol;
     }
@@ -235,14 +239,19 @@ static double tol_ringing_from(const tol_report *report, sphpa_palpha_solver sol
 static void tol_print_verdict(const tol_report *report) {
     static const sphpa_palpha_solver solvers[3] = {
         SPHPA_PALPHA_BISECTION, SPHPA_PALPHA_SAFE_NEWTON, SPHPA_PALPHA_CRUSH_SPACE};
+    if (!(report->row[0].mean_D > TOL_DAMAGED)) {
+        printf("\nHardly any damage: a mean D of %.1e tells nothing; give a larger --t-end\n",
+               report->row[0].mean_D);
+        return;
+    }
     printf("\nThe claim that damage rings where the tolerance is above 1e-7, in this impact, in "
            TOL_REAL ":\n");
     for (int k = 0; k < 3; k++) {
-        double off, least = tol_ringing_from(report, solvers[k], &off);
+        double off, most, least = tol_ringing_from(report, solvers[k], &off, &most);
         printf("  %-11s %s: ", sphpa_palpha_solver_name(solvers[k]),
                least <= 0.0 ? "REFUTED" : least < 2e-6 ? "REPRODUCED" : "REPRODUCED IN PART");
         if (least > 0.0) printf("it rings from %g on;\n", least);
-        else printf("no tolerance up to 1e-4 rings;\n");
+        else printf("no tolerance up to %g rings;\n", most);
         printf("  %-11s damage is off by %s than 3 times what a rounding comes to", "",
                off > 0.0 ? "more" : "no more");
         if (off > 0.0) printf(" from %g on", off);
@@ -259,7 +268,7 @@ static const char *tol_name(const tol_report *report, const tol_row *row) {
 }
 
 static void tol_print_table(const tol_report *report) {
-    printf("| run         |   tol | off curve |   max dD |   rms dD | max da   | rms da   |  jerks "
+    printf("| run         |   tol | off curve |   max dD |   rms dD |   max da |   rms da |  jerks "
            "| spells | P jerks |  rough | mean D | largest |   drift | rings |\n"
            "|:------------|------:|----------:|---------:|---------:|---------:|---------:|-------:"
            "|-------:|--------:|-------:|-------:|--------:|--------:|:------|\n");
@@ -298,34 +307,52 @@ static void tol_write_csv(const tol_report *report) {
     fprintf(stderr, "wrote %s/tolerance_impact_%s.csv\n", report->out, TOL_REAL);
 }
 
-/* The double build leaves its reference; the float build, run after it, says how far it is off. */
-static void tol_other_precision(const tol_report *report) {
-    const tol_row *row = &report->row[0];
-    const double *D = row->D[TOL_SAMPLES - 1], *alpha = row->alpha[TOL_SAMPLES - 1];
+/* The double build leaves its reference, headed by what it is of; the float build, run after it,
+   says how far it is off. */
+static void tol_head(const tol_report *report, char head[256]) {
+    const impact_settings *s = report->s;
+    snprintf(head, 256, "# D alpha in double: %zu %ld particles, target %.17g m, curve %d, %.17g "
+             "s\n", report->row[0].n, s->projectile_particles, s->target_diameter, s->curve,
+             s->t_end);
+}
+
 #ifndef SPHPA_FLOAT
+static void tol_leave_reference(const tol_report *report) {
+    const tol_row *row = &report->row[0];
+    char head[256];
     example_file file = example_open(report->out, "tolerance_reference.txt");
-    fprintf(file.stream, "# D alpha of %zu particles, double\n", row->n);
-    for (size_t i = 0; i < row->n; i++) fprintf(file.stream, "%.17g %.17g\n", D[i], alpha[i]);
+    tol_head(report, head);
+    fputs(head, file.stream);
+    for (size_t i = 0; i < row->n; i++)
+        fprintf(file.stream, "%.17g %.17g\n", row->D[TOL_SAMPLES - 1][i],
+                row->alpha[TOL_SAMPLES - 1][i]);
     example_close(&file);
+}
 #else
-    char path[EXAMPLE_PATH + 32];
+static void tol_print_off_double(const tol_report *report) {
+    const tol_row *row = &report->row[0];
+    char path[EXAMPLE_PATH + 32], head[256], line[256];
+    double *other = again_doubles(2 * row->n), most[2], rms[2];
     size_t n = 0;
     snprintf(path, sizeof path, "%s/tolerance_reference.txt", report->out);
     FILE *file = fopen(path, "r");
-    double *other = again_doubles(2 * row->n), most[2], rms[2];
-    if (file != NULL && fscanf(file, "# D alpha of %zu particles, double", &n) == 1 && n == row->n)
+    tol_head(report, head);
+    if (file != NULL && fgets(line, sizeof line, file) != NULL && strcmp(line, head) == 0)
         for (n = 0; n < row->n; n++)
             if (fscanf(file, "%lf %lf", &other[n], &other[row->n + n]) != 2) break;
     if (file != NULL) fclose(file);
     if (n == row->n && row->n > 0) {
-        rms[0] = tol_apart(D, other, n, &most[0]);
-        rms[1] = tol_apart(alpha, other + n, n, &most[1]);
+        rms[0] = tol_apart(row->D[TOL_SAMPLES - 1], other, n, &most[0]);
+        rms[1] = tol_apart(row->alpha[TOL_SAMPLES - 1], other + n, n, &most[1]);
         printf("\nfloat off double, both at %g: D max %.1e rms %.1e, alpha max %.1e rms %.1e\n",
                TOL_REFERENCE, most[0], rms[0], most[1], rms[1]);
+    } else {
+        printf("\nfloat off double: unknown, %s is not of this impact; run both, double first\n",
+               path);
     }
     free(other);
-#endif
 }
+#endif
 
 /* how the line of a row is drawn; false: it is not */
 static bool tol_style(const tol_report *report, const tol_row *row, char style[64],
@@ -382,13 +409,14 @@ int main(int argc, char **argv) {
     impact_settings s = impact_default_settings();
     static tol_report report;
     const char *out = "build/bench";
+    char cpu[128];
     int quick = 0, no_pictures = 0;
     long threads = 0;
     s.particles = 2000;
     s.target_diameter = 0.06;
     s.t_end = 3e-5;
     const example_option options[] = {
-        example_count("particles", &s.particles, 10, 1000000, "of the target"),
+        example_count("particles", &s.particles, 10, 100000, "of the target"),
         example_count("projectile-particles", &s.projectile_particles, 10, 100000, "of the nylon"),
         example_number("target-diameter", "m", &s.target_diameter, 1e-3, 1e3, "of the sphere"),
         example_number("t-end", "s", &s.t_end, 1e-9, 1.0, "end of each run"),
@@ -408,11 +436,19 @@ int main(int argc, char **argv) {
            "run at %g\n\n", TOL_REAL, s.particles, s.projectile_particles,
            100.0 * s.target_diameter, s.curve == 0 ? "two-exponent" : "quadratic", 1e6 * s.t_end,
            TOL_REFERENCE);
+    bench_read_cpu(cpu);
+    printf("sphpa %s; cpu: %s, %d threads; compiler: %s\n\n", SPHPA_VERSION, cpu,
+           example_threads(0), BENCH_COMPILER);
     tol_print_table(&report);
-    tol_other_precision(&report);
+#ifdef SPHPA_FLOAT
+    tol_print_off_double(&report);
+#endif
     tol_print_verdict(&report);
     fflush(stdout);
     tol_write_csv(&report);
+#ifndef SPHPA_FLOAT
+    tol_leave_reference(&report);
+#endif
     if (!no_pictures) tol_draw(&report);
     if (fflush(stdout) != 0 || ferror(stdout))
         example_fail(1, "cannot write to standard output (%s)", strerror(errno));

@@ -1045,6 +1045,14 @@ static int impact_movie(const impact_settings *s, const impact_options *o) {
     return 0;
 }
 
+/* said before the run, not after it */
+static void impact_check_file(const char *option, const char *path) {
+    if (path == NULL) return;
+    size_t length = strlen(path);
+    if (length == 0 || path[length - 1] == '/' || (EXAMPLE_POSIX && example_is_folder_(path)))
+        example_fail(2, "--%s %s: give the name of a file, not of a folder", option, path);
+}
+
 /* what the options mean only together */
 static void impact_check(const impact_settings *s, const impact_options *o) {
     const char *many = o->sensitivity != NULL ? "--sensitivity" : o->movie != NULL ? "--movie"
@@ -1060,6 +1068,8 @@ static void impact_check(const impact_settings *s, const impact_options *o) {
     if (o->record != NULL && (many != NULL || o->resume != NULL))
         example_fail(2, "--record-states %s: of one run from its beginning; leave %s out",
                      o->record, many != NULL ? many : "--resume");
+    impact_check_file("record-states", o->record);
+    impact_check_file("sensitivity", o->sensitivity);
     if (o->sensitivity != NULL && o->target_file != NULL)
         example_fail(2, "--target %s: --sensitivity varies the sphere; leave one of them out",
                      o->target_file);

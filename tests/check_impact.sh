@@ -1,6 +1,7 @@
 #!/bin/sh
 # check_impact.sh: examples/pumice_impact as a user meets it: options, bad input, interrupt and
-# resume, a full disk, threads, without HDF5 and without gnuplot. Runs of 230 to 860 particles.
+# resume, a full disk, threads, recorded states, without HDF5 and without gnuplot. Runs of 230 to 860
+# particles.
 # shellcheck source=tests/lib.sh
 . "$(dirname "$0")/lib.sh"
 
@@ -9,19 +10,19 @@ if [ ! -f examples/pumice_impact.c ]; then
     finish "nothing to look at"
 fi
 
-build() { # build FOLDER [VARIABLE=value]: the program, with its make output in FOLDER/make.log
-    mkdir -p "$1"
-    folder=$1
-    shift
+build() { # build PROGRAM FOLDER [VARIABLE=value]: with the output of make in FOLDER/make.log
+    made=$1 folder=$2
+    shift 2
+    mkdir -p "$folder"
     $MAKE --no-print-directory INNER=1 BUILD="$folder" CFLAGS=-O1 "$@" \
-        "$folder/examples/pumice_impact" > "$folder/make.log" 2>&1 && return
-    failed "examples/pumice_impact does not build ($*):"
+        "$folder/$made" > "$folder/make.log" 2>&1 && return
+    failed "$made does not build ($*):"
     tail -n 15 "$folder/make.log"
     finish
 }
 say "building examples/pumice_impact with and without HDF5"
-build "$work/full"
-build "$work/plain" HDF5=0
+build examples/pumice_impact "$work/full"
+build examples/pumice_impact "$work/plain" HDF5=0
 here=$(pwd)
 case $work in /*) ;; *) work=$here/$work ;; esac
 program=$work/full/examples/pumice_impact
@@ -81,7 +82,8 @@ refusals=0 no_h5py=''
 # ---- what it says of itself ----
 "$program" --help > "$work/help" || failed "--help: exit status $?"
 for option in particles projectile-particles speed angle target-diameter curve solver weibull-k \
-    weibull-m seed ensemble correction balsara t-end every gauge out resume threads dry-run quiet; do
+    weibull-m seed ensemble correction balsara t-end every gauge out resume threads record-states dry-run \
+    quiet; do
     shows "$work/help" "^  --$option" "--help"
 done
 version=$(sed -n 's/^#define SPHPA_VERSION "\(.*\)"/\1/p' "$HEADER")
@@ -124,18 +126,31 @@ refused 2 'unknown; give one of on.off' --balsara yes
 refused 2 'takes no value' --quiet=1
 refused 2 'ends in .gif' --movie film.mp4
 refused 2 'give --resume auto' --ensemble 2 --resume checkpoint.hdf
+refused 2 'of one run from its beginning; leave --resume out' --record-states states.txt --resume auto
+refused 2 'of one run from its beginning; leave --ensemble out' --record-states states.txt --ensemble 2
+refused 2 'of one run from its beginning; leave --movie out' --record-states states.txt --movie film.gif
+refused 2 'the name of a file' --record-states ''
+refused 2 'the name of a file' --record-states folder/
+refused 2 'the name of a file' --record-states .
+refused 2 'the name of a file' --sensitivity .
 refused 1 'give a name' --out ''
 [ -z "$(ls "$work/empty")" ] || failed "bad options leave files: $(ls "$work/empty")"
 echo text > file
 refused 1 'output folder file/out: cannot make file ' --out file/out
 refused 1 'output folder file: cannot make file ' --out file
 refused 1 'file/table.csv: .*; give another name' --sensitivity file/table.csv
+refused 1 'output folder file: .*; choose another with --record-states' --out out --record-states file/states.txt
+mkdir taken taken/states.txt.part
+refused 1 'cannot write taken/states.txt.part .*choose another folder with --record-states' --out out \
+    --record-states taken/states.txt
+[ -z "$(find out taken -type f)" ] || failed "states that cannot be written leave files: $(find out taken -type f)"
 ln -s nowhere dangling
 refused 1 'cannot make dangling .*choose another with --sensitivity' --sensitivity dangling/table.csv
 [ "$(cat file)" = text ] || failed "a file in the way of --out is overwritten"
 if [ "$(id -u)" != 0 ]; then # root may write everywhere
     mkdir -m 555 locked
     refused 1 'cannot (make|write) locked' --out locked
+    refused 1 'cannot write locked/states.txt.part' --out out --record-states locked/states.txt
 fi
 cd "$here" || exit 1
 say "$refusals bad command lines, one message each"
@@ -186,12 +201,13 @@ fi
 # ---- interrupt and resume ----
 # two outputs, some 50 steps between them: a checkpoint that left a trace would show
 longer='--particles 800 --projectile-particles 60 --t-end 4e-6 --every 2e-6'
-stop_with() { # stop_with SIGNAL FOLDER: somewhere behind the first output; $status
+stop_with() { # stop_with SIGNAL FOLDER [ARGUMENTS..]: somewhere behind the first output; $status
     signal=$1 folder=$2
+    shift 2
     for try in 1 2 3; do
         rm -rf "$folder"
         # shellcheck disable=SC2086
-        "$program" $small $longer --threads 2 --out "$folder" > "$work/stdout" 2> "$work/stderr" &
+        "$program" $small $longer --threads 2 --out "$folder" "$@" > "$work/stdout" 2> "$work/stderr" &
         pid=$! waited=0
         while [ ! -f "$folder/cut_0001.dat" ] && [ $waited -lt 1000 ] && kill -0 $pid 2> /dev/null; do
             sleep 0.02
@@ -340,6 +356,48 @@ if [ -n "$hdf5" ]; then
     full_disk "$work/limited"
     [ -z "$(find "$work/limited" -name '*.hdf')" ] || failed "a snapshot longer than any file may be"
 fi
+
+# ---- the states for the solvers' benchmark ----
+has_states() { # has_states FILE: a head that names material and curve, then states within bounds
+    awk '/^# [a-zA-Z_0-9]+ [^ ]+$/ { head[$2] = $3; next }
+        /^#/ { next }
+        NF != 3 || !($1 > 0) || !($2 >= 0) || !($3 >= 1) || $3 > head["alpha0"] { bad++ }
+        $3 > 1 && $3 < head["alpha0"] { loaded++ }
+        END { if (head["material"] != "pumice" || bad || !loaded || head["Ps"] <= head["Pe"]) exit 1 }' "$1"
+}
+build bench/bench_eos "$work/full"
+for curve in two-exponent quadratic; do
+    states=$work/states/$curve.txt
+    run --threads 1 --curve $curve --compare on --record-states "$states" --out "$work/states/$curve"
+    [ "$status" = 0 ] || { failed "--record-states, $curve: exit status $status"; head -n 3 "$work/stderr"; continue; }
+    has_states "$states" || failed "--record-states, $curve: not what it ought to be: $(head -n 14 "$states")"
+    # the solvers' benchmark reads it; a row is solver,material,curve,..,mix,..,failures,other_root,ill
+    "$work/full/bench/bench_eos" --quick --states "$states" --filter run/ --no-pictures \
+        --out "$work/states" > "$work/stdout" 2> "$work/stderr" || failed "bench_eos refuses the states: $(tail -n 1 "$work/stderr")"
+    grep -q "^crush-space,pumice,$curve,4.64,run,.*,0,0,0\$" "$work/states/eos.csv" ||
+        failed "bench_eos: no row of an impact's states, $curve curve"
+done
+same_run "$work/whole" "$work/states/two-exponent" "a run whose states are recorded"
+run --threads 2 --record-states "$work/states/again.txt" --out "$work/states/again"
+cmp -s "$work/states/two-exponent.txt" "$work/states/again.txt" ||
+    failed "--record-states: other states on 2 threads, or with --compare on"
+run --dry-run --record-states "$work/states/dry.txt" --out "$work/dry"
+[ -f "$work/states/dry.txt" ] && failed "--dry-run records states"
+echo 'of the run before' > "$work/states/kept.txt"
+stop_with INT "$work/states/stopped" --record-states "$work/states/kept.txt"
+if [ "$status" != 0 ]; then
+    [ "$status" = 130 ] || failed "--record-states, interrupted: exit status $status"
+    [ "$(cat "$work/states/kept.txt")" = 'of the run before' ] || failed "--record-states, interrupted: half a file"
+fi
+if [ -c /dev/full ]; then # as a full disk: found out when the file is closed
+    ln -s /dev/full "$work/states/full.txt.part"
+    run --record-states "$work/states/full.txt" --out "$work/states/full"
+    [ "$status" = 1 ] || failed "--record-states on a full disk: exit status $status"
+    shows "$work/stderr" 'could not finish .*states/full.txt \(No space' "--record-states on a full disk"
+    [ -e "$work/states/full.txt" ] && failed "--record-states on a full disk leaves a file"
+fi
+no_parts "$work/states"
+say "--record-states: $(grep -vc '^#' "$work/states/again.txt") states that bench_eos reads, the same on 1 and 2 threads"
 
 # ---- the rest of the options ----
 run --dry-run --out "$work/dry"

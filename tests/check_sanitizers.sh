@@ -1,30 +1,68 @@
 #!/bin/sh
-# check_sanitizers.sh: all tests once with AddressSanitizer and UndefinedBehaviorSanitizer, on two threads.
+# check_sanitizers.sh: all tests once with AddressSanitizer and UndefinedBehaviorSanitizer, on two threads;
+# those that need no HDF5 once with MemorySanitizer, too, which finds reads of what was never set.
 # SPHPA_VALIDATE_ARRAYS turns on the checks of whole arrays.
 # shellcheck source=tests/lib.sh
 . "$(dirname "$0")/lib.sh"
 
-flags='-fsanitize=address,undefined -fno-sanitize-recover=all'
-sanitizing=''
-printf '#include <stdlib.h>\nint main(void) { void *p = malloc(8); free(p); return 0; }\n' > "$work/probe.c"
-for compiler in gcc clang "$CC"; do
+has() { # has COMPILER FLAGS: does it make a program with this sanitizer that runs?
+    # shellcheck disable=SC2086 # words
+    have "${1%% *}" && $1 $2 "$work/probe.c" -o "$work/probe" 2> /dev/null && "$work/probe"
+}
+must_fail() { # must_fail COMPILER FLAGS KIND: the program KIND.c has the error that this sanitizer is for
     # shellcheck disable=SC2086
-    if have "${compiler%% *}" && $compiler $flags "$work/probe.c" -o "$work/probe" 2> /dev/null && "$work/probe"; then
-        sanitizing=$compiler
-        break
-    fi
-done
-[ -n "$sanitizing" ] || { skip "sanitizers" "no compiler has their runtime"; finish "not run"; }
-[ -n "$(value CMOCKA_FOUND "$(found_for "$sanitizing")")" ] || { skip "sanitizers" "no cmocka"; finish "not run"; }
+    $1 -w $2 "$work/$3.c" -o "$work/$3" && "$work/$3" > /dev/null 2>&1 && failed "$3 sanitizer lets an error pass"
+}
+has_cmocka() { [ -n "$(value CMOCKA_FOUND "$(found_for "$1")")" ]; }
+options='-O1 -g -fno-omit-frame-pointer'
 
+printf '#include <stdlib.h>\nint main(void) { void *p = malloc(8); free(p); return 0; }\n' > "$work/probe.c"
 # they must be able to fail: one bad program each
 printf '#include <stdlib.h>\nint main(int n, char **v) { (void)v; char *p = malloc((size_t)n); p[n] = 1; free(p); return 0; }\n' > "$work/address.c"
 printf '#include <limits.h>\nint main(int n, char **v) { (void)v; int x = INT_MAX; x += n; return x == 0; }\n' > "$work/undefined.c"
-for kind in address undefined; do
-    # shellcheck disable=SC2086
-    $sanitizing -w $flags "$work/$kind.c" -o "$work/$kind" && "$work/$kind" > /dev/null 2>&1 && failed "$kind sanitizer lets an error pass"
-done
+printf 'struct curve { int kind, n; };\nstatic void prepare(struct curve *c, int kind) { c->kind = kind; if (kind != 1) c->n = 1; }\nint main(int n, char **v) { struct curve c; (void)v; prepare(&c, n); if (c.n == 7) c.kind = 0; return c.kind == 3; }\n' > "$work/memory.c"
 
-say "$sanitizing $flags, tests at their smaller size (SPHPA_TEST_SMALL)"
-run_tests -DSPHPA_VALIDATE_ARRAYS CC="$sanitizing" CFLAGS="-O1 -g -fno-omit-frame-pointer $flags" LDFLAGS="$flags"
-finish "no error"
+# ---- addresses and undefined behaviour ----
+address_and_undefined() {
+    flags='-fsanitize=address,undefined -fno-sanitize-recover=all'
+    for sanitizing in gcc clang "$CC" ''; do has "$sanitizing" "$flags" && break; done
+    [ -n "$sanitizing" ] || { skip "sanitizers" "no compiler has their runtime"; return; }
+    has_cmocka "$sanitizing" || { skip "sanitizers" "no cmocka"; return; }
+    for kind in address undefined; do must_fail "$sanitizing" "$flags" $kind; done
+    say "$sanitizing $flags, tests at their smaller size (SPHPA_TEST_SMALL)"
+    run_tests -DSPHPA_VALIDATE_ARRAYS CC="$sanitizing" CFLAGS="$options $flags" LDFLAGS="$flags"
+}
+
+# ---- memory that was never set: clang alone looks for it ----
+# What a library sets that was not compiled so counts as unset. cmocka and libm get along with that;
+# HDF5 and OpenMP do not. On one thread each, the programs may run side by side.
+memory() {
+    flags='-fsanitize=memory -fno-sanitize-recover=all'
+    for sanitizing in clang "$CC" ''; do has "$sanitizing" "$flags" && break; done
+    [ -n "$sanitizing" ] || { skip "memory sanitizer" "no clang with its runtime"; return; }
+    has_cmocka "$sanitizing" || { skip "memory sanitizer" "no cmocka"; return; }
+    must_fail "$sanitizing" "$flags" memory
+    say "$sanitizing $flags, the same without HDF5 and OpenMP"
+    folder=$work/unset
+    mkdir -p "$folder"
+    $MAKE --no-print-directory INNER=1 BUILD="$folder" -j"$JOBS" OPENMP=0 HDF5=0 CC="$sanitizing" \
+        CFLAGS="$options $flags" LDFLAGS="$flags" \
+        EXTRA_CFLAGS='-DSPHPA_TEST_SMALL -DSPHPA_VALIDATE_ARRAYS' tests-build > "$folder/log" 2>&1 || {
+        failed "the tests do not build; see $folder/log"
+        return
+    }
+    printf '%s\n' "$folder"/tests/test_* > "$folder/programs"
+    # shellcheck disable=SC2016 # $1 is the inner shell's
+    xargs -n 1 -P "$JOBS" sh -c '"$1" > "$1.log" 2>&1 || echo "$1"' sh \
+        < "$folder/programs" > "$folder/bad"
+    while read -r program; do
+        failed "see $program.log; its errors:"
+        grep -E -A 6 'WARNING: MemorySanitizer: |^\[  FAILED  ' "$program.log" | head -n 20
+    done < "$folder/bad"
+    all=$(grep -c . "$folder/programs") bad=$(grep -c . "$folder/bad")
+    echo "programs: $((all - bad)) passed, $bad failed"
+}
+
+address_and_undefined
+memory
+finish "no error in what was run"

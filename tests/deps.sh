@@ -19,7 +19,8 @@ impact) required='compiler' optional='openmp hdf5 gnuplot' ;;
 test) required='compiler cmocka' optional='openmp hdf5' ;;
 bench) required='compiler' optional='openmp hdf5 gnuplot gsl' ;;
 check) required='compiler cmocka'
-    optional='openmp hdf5 gnuplot gsl gcc g++ clang clang-openmp sanitizers nm h5py yt vtk' ;;
+    optional='openmp hdf5 gnuplot gsl gcc g++ clang clang-openmp sanitizers memory-sanitizer nm'
+    optional="$optional h5py yt vtk" ;;
 *) echo "usage: $0 impact|test|bench|check" >&2; exit 2 ;;
 esac
 
@@ -60,6 +61,7 @@ there() {
     g++) runs g++ -x c++ ;;
     clang-openmp) runs clang -fopenmp ;;
     sanitizers) runs gcc -fsanitize=address,undefined || runs clang -fsanitize=address,undefined ;;
+    memory-sanitizer) runs clang -fsanitize=memory ;;
     nm) have nm && have strip ;;
     h5py) module h5py ;;
     yt) module yt ;;
@@ -88,6 +90,7 @@ packages() {
     apt-get:gsl) echo libgsl-dev ;;
     apt-get:clang-openmp) echo libomp-dev ;;
     apt-get:sanitizers) echo gcc libclang-rt-dev ;;
+    apt-get:memory-sanitizer) echo clang libclang-rt-dev ;;
     apt-get:nm) echo binutils ;;
     apt-get:h5py) echo python3-h5py ;;
     apt-get:yt) echo python3-yt ;;
@@ -100,17 +103,19 @@ packages() {
     dnf:gsl) echo gsl-devel ;;
     dnf:clang-openmp) echo libomp-devel ;;
     dnf:sanitizers) echo libasan libubsan ;;
+    dnf:memory-sanitizer) echo clang compiler-rt ;;
     dnf:nm) echo binutils ;;
     dnf:h5py) echo python3-h5py ;;
     dnf:yt) echo python3-yt ;;
     dnf:vtk) echo python3-vtk ;;
     pacman:compiler | pacman:gcc | pacman:g++ | pacman:openmp | pacman:sanitizers) echo gcc ;;
     pacman:clang-openmp) echo openmp ;;
+    pacman:memory-sanitizer) echo clang compiler-rt ;;
     pacman:nm) echo binutils ;;
     pacman:h5py) echo python-h5py ;;
     pacman:yt) echo python-yt ;;
     pacman:vtk) echo vtk ;;
-    brew:compiler | brew:clang | brew:nm | brew:sanitizers) : ;; # Xcode's: see below
+    brew:compiler | brew:clang | brew:nm | brew:*sanitizer*) : ;; # Xcode's: see below
     brew:openmp | brew:clang-openmp) echo libomp ;;
     brew:gcc | brew:g++) echo gcc ;;
     brew:h5py | brew:yt) : ;;
