@@ -4575,6 +4575,7 @@ typedef struct sphpa_palpha_bracket_ {
     double alpha_lo, alpha_hi; /* there */
     bool lo_known;             /* else lo is where all pores are closed, and was not evaluated */
     double promised;           /* its width, if the root was where the last step had it; or 0 */
+    double moved, width, wider; /* the last move; widths one and two evaluations ago */
 } sphpa_palpha_bracket_;
 
 /* High powers bend so much that Halley alone stays behind: on to where the parabola meets the path,
@@ -4612,7 +4613,7 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_middle_(const sphpa_palpha_task_ *task,
 /* Where to go on: where the step leads (*inside), if it stays inside. One that leaves the bracket
    by little says that the root is at its end: back from there by as much as it left it, and no less
    than half the tolerance. Where that was not so once, H is rough: no more of it. Else by the
-   tangent, or half way. After eight evaluations two of three halve. */
+   tangent, or half way; and so where steps neither get shorter nor halve the bracket in two. */
 SPHPA_FORCE_INLINE_ double sphpa_palpha_next_(const sphpa_palpha_task_ *task,
                                               sphpa_crush_way_ way, sphpa_palpha_bracket_ *in,
                                               int k, const sphpa_palpha_place_ *at,
@@ -4620,8 +4621,11 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_next_(const sphpa_palpha_task_ *task,
                                               bool *inside) {
     double next = at->s + step->ds, end = step->H > 0.0 ? in->lo : in->hi;
     double width = in->hi - in->lo;
+    bool gains = k < 3 || width <= 0.5 * in->wider || fabs(step->ds) <= 0.1 * in->moved;
+    in->wider = in->width;
+    in->width = width;
     *inside = next > in->lo && next < in->hi;
-    if (*inside && (k < 8 || k % 3 == 0)) return next;
+    if (*inside && gains) return next;
     if (next <= in->lo && !in->lo_known) return in->lo;
     double beyond = sphpa_max_(fabs(next - end), DBL_EPSILON * fabs(end));
     beyond = sphpa_max_(beyond, 0.5 * small / at->alpha1);
@@ -4737,6 +4741,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
         if (rough) break;
         last = sphpa_min_(fabs(last), 0.5 * at.alpha); /* a longer one saw more than one bend */
         s = sphpa_palpha_next_(task, way, &in, k, &at, &step, small, &inside);
+        in.moved = fabs(s - at.s);
         to = sphpa_palpha_path_(task, way, s);
         if (way != SPHPA_CRUSH_SQUARE_ && inside && fabs(step.H2 * step.ds) > 0.25 * step.H1)
             sphpa_palpha_polish_(task, way, &matrix, &in, &to);
@@ -4869,7 +4874,7 @@ SPHPA_PRIVATE_ bool sphpa_palpha_found_(const sphpa_palpha_knot_ *below,
     in->alpha_lo = below->at.alpha;
     in->alpha_hi = above->at.alpha;
     in->lo_known = true;
-    in->promised = HUGE_VAL;
+    in->promised = in->moved = in->width = in->wider = HUGE_VAL;
     *s = near->at.s + near->step.ds;
     if (!(*s > in->lo && *s < in->hi)) *s = 0.5 * (in->lo + in->hi);
     point->alpha = near->at.alpha;
@@ -4977,7 +4982,7 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_locate_(sphpa_palpha_eval_ eval, sphpa_cru
     in->alpha_lo = 1.0;
     in->alpha_hi = task->alpha_y;
     in->lo_known = false;
-    in->promised = HUGE_VAL;
+    in->promised = in->moved = in->width = in->wider = HUGE_VAL;
     if (!(task->rising > 1.0)) {
         *s = sphpa_palpha_guess_(task, way, point->P, &matrix);
         return true;
@@ -5851,7 +5856,6 @@ SPHPA_PRIVATE_ sphpa_result sphpa_palpha_slope_at_(const sphpa_tillotson *mat,
                                                    double alpha, bool on_curve,
                                                    sphpa_palpha_slope_ *out) {
     sphpa_palpha_call_ call;
-    sphpa_palpha_task_ task;
     sphpa_eos_point point;
     if (mat == NULL) return SPHPA_ERROR_MISSING;
     sphpa_result result = sphpa_palpha_open_(SPHPA_PALPHA_CRUSH_SPACE, curve, NULL, &call);
