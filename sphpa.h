@@ -4571,7 +4571,7 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_meets_(const sphpa_palpha_task_ *task, sph
 
 /* Where the root is. */
 typedef struct sphpa_palpha_bracket_ {
-    double lo, hi;             /* H(lo) <= 0 < H(hi) */
+    double lo, hi, H_lo, H_hi; /* H(lo) <= 0 < H(hi); infinite: not known */
     double alpha_lo, alpha_hi; /* there */
     bool lo_known;             /* else lo is where all pores are closed, and was not evaluated */
     double promised;           /* its width, if the root was where the last step had it; or 0 */
@@ -4613,7 +4613,8 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_middle_(const sphpa_palpha_task_ *task,
 /* Where to go on: where the step leads (*inside), if it stays inside. One that leaves the bracket
    by little says that the root is at its end: back from there by as much as it left it, and no less
    than half the tolerance. Where that was not so once, H is rough: no more of it. Else by the
-   tangent, or half way; and so where steps neither get shorter nor halve the bracket in two. */
+   tangent (later by the secant), or half way; and so where steps neither get shorter nor halve the
+   bracket in two. */
 SPHPA_FORCE_INLINE_ double sphpa_palpha_next_(const sphpa_palpha_task_ *task,
                                               sphpa_crush_way_ way, sphpa_palpha_bracket_ *in,
                                               int k, const sphpa_palpha_place_ *at,
@@ -4636,8 +4637,9 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_next_(const sphpa_palpha_task_ *task,
         if (back > in->lo && back < in->hi) return back;
     }
     *inside = false;
-    next = at->s - step->H / step->H1;
-    if (next > in->lo && next < in->hi && k < 8 && k % 2 != 0) return next;
+    if (k < 8) next = at->s - step->H / step->H1;
+    else next = in->lo - width * (in->H_lo / (in->H_hi - in->H_lo)); /* rounding has bent H */
+    if (next > in->lo && next < in->hi && k % 2 != 0) return next;
     return sphpa_palpha_middle_(task, way, in);
 }
 
@@ -4658,9 +4660,11 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_narrow_(sphpa_palpha_bracket_ *in,
                                               const sphpa_palpha_place_ *at, double H) {
     if (H > 0.0) {
         in->hi = at->s;
+        in->H_hi = H;
         in->alpha_hi = sphpa_min_(in->alpha_hi, at->alpha);
     } else {
         in->lo = at->s;
+        in->H_lo = H;
         in->alpha_lo = at->alpha;
         in->lo_known = true;
     }
@@ -4874,6 +4878,8 @@ SPHPA_PRIVATE_ bool sphpa_palpha_found_(const sphpa_palpha_knot_ *below,
     in->alpha_lo = below->at.alpha;
     in->alpha_hi = above->at.alpha;
     in->lo_known = true;
+    in->H_lo = below->step.H;
+    in->H_hi = above->step.H;
     in->promised = in->moved = in->width = in->wider = HUGE_VAL;
     *s = near->at.s + near->step.ds;
     if (!(*s > in->lo && *s < in->hi)) *s = 0.5 * (in->lo + in->hi);
@@ -4982,6 +4988,8 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_locate_(sphpa_palpha_eval_ eval, sphpa_cru
     in->alpha_lo = 1.0;
     in->alpha_hi = task->alpha_y;
     in->lo_known = false;
+    in->H_hi = HUGE_VAL;
+    in->H_lo = -HUGE_VAL;
     in->promised = in->moved = in->width = in->wider = HUGE_VAL;
     if (!(task->rising > 1.0)) {
         *s = sphpa_palpha_guess_(task, way, point->P, &matrix);
