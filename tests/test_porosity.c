@@ -688,6 +688,17 @@ static sphpa_crush hard_curve(const hard_state *h, const sphpa_tillotson *mat) {
     return h->herrmann ? herrmann(c, mat->rho0, sqrt(mat->A / mat->rho0)) : c;
 }
 
+static void check_hard(const hard_state *h, const sphpa_tillotson *mat, const sphpa_crush *curve,
+                       double alpha, double P, int evaluations) {
+    const double *at = h->rho_u_alpha;
+    ref_state ref = ref_make(mat, curve, at[0], at[1], at[2]);
+    double there = (double)ref_P(&ref, L(alpha)); /* h->P is that of the root itself */
+    if (!(fabs(alpha - h->root) <= h->allowed && fabs(P - there) <= h->P_allowed &&
+          evaluations <= 40))
+        fail_msg("%s: alpha %.17g, not %.17g; P %.17g, not %.17g (at the root %.17g); %d "
+                 "evaluations", h->what, alpha, h->root, P, there, h->P, evaluations);
+}
+
 static void test_hard_states(void **unused) {
     (void)unused;
     static const hard_state states[] = {
@@ -743,23 +754,36 @@ static void test_hard_states(void **unused) {
          140976.98847583792, 1.0000000000000002}, {100, 3617.6554207059694, 3617.6554207059698,
          3617.6554207059698, 0, 48.691330528346398, 27.269933784149554, 1.1658168509659648}, 0,
          1e-12, 1, 3617.6554207568461, 2e-12, 0.0506},
+        {"a lane next to a knee", "pumice", 0, 0, {4769.9792408896119, 18787986.105447382,
+         3.8308094525913061}, {3.8308094525913061, 0, 235534073381.77505, 297772954531.12463, 0,
+         1.0591590294836108, 1, 3}, 0, 1e-12, 1.0005401950750175, 235534073415.78076, 2e-12,
+         0.233},
+        {"a lane at a knee one rounding below Pe", "water", 1, 0, {1020.2622829006414, 0,
+         1.0000478106690347}, {1.0001177474042218, 55238010.345148012, 55238010.345148019,
+         1421744191.5278735, 0, 1.000005690435682, 8, 2}, 0, 1e-12, 1.000005690435682,
+         55238010.353758322, 2e-12, 0.00558},
+        {"steps to and fro across a straight piece", "pumice", 0, 0, {452.29256837976612,
+         9876241.8755507432, 57.635082694057473}, {100, 1677545588.0917757, 4005375386.6709433,
+         4662103279.7254772, 0, 1.5940417917007776, 1, 3}, 0, 1e-12, 2.0557746732880249,
+         3980567970.6351919, 2.09e-12, 0.00234},
     };
     for (size_t i = 0; i < sizeof states / sizeof states[0]; i++) {
         const hard_state *h = &states[i];
         sphpa_tillotson mat = material(h->material);
         if (h->keep_B) mat.zero_B_expanded = 0;
         sphpa_crush c = hard_curve(h, &mat);
-        double rho = h->rho_u_alpha[0], u = h->rho_u_alpha[1], alpha_old = h->rho_u_alpha[2];
+        const double *at = h->rho_u_alpha;
         sphpa_palpha_options opt = {h->tol, 0};
         sphpa_palpha_solution s;
-        assert_int_equal(sphpa_palpha_solve(SPHPA_PALPHA_CRUSH_SPACE, &mat, &c, rho, u, alpha_old,
+        assert_int_equal(sphpa_palpha_solve(SPHPA_PALPHA_CRUSH_SPACE, &mat, &c, at[0], at[1], at[2],
                                             &opt, &s), SPHPA_OK);
-        ref_state ref = ref_make(&mat, &c, rho, u, alpha_old);
-        double P = (double)ref_P(&ref, L(s.alpha)); /* h->P is that of the root itself */
-        if (!(fabs(s.alpha - h->root) <= h->allowed && fabs(s.P - P) <= h->P_allowed &&
-              s.evaluations <= 40))
-            fail_msg("%s: alpha %.17g, not %.17g; P %.17g, not %.17g (at the root %.17g); %d "
-                     "evaluations", h->what, s.alpha, h->root, s.P, P, h->P, s.evaluations);
+        check_hard(h, &mat, &c, s.alpha, s.P, s.evaluations);
+        sphpa_palpha_stats stats;
+        memset(&stats, 0, sizeof stats);
+        assert_int_equal(sphpa_palpha_solve_batch(SPHPA_PALPHA_CRUSH_SPACE, &mat, &c, 1, &at[0],
+                                                  &at[1], &at[2], &opt, &s.alpha, &s.P, &stats),
+                         SPHPA_OK);
+        check_hard(h, &mat, &c, s.alpha, s.P, stats.evaluations_max);
     }
 }
 
