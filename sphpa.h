@@ -708,13 +708,15 @@ typedef struct sphpa_palpha_stats {
 /* Solves eq. 4 for one state: rho [kg/m3] of the bulk > 0, u [J/kg] >= 0, alpha_old in [1, alpha0]
    (4 ulp outside are clamped). FLAT: alpha <= alpha_old. HERRMANN: alpha_old is the least alpha
    that was reached, alpha may come back above it; commit min(alpha_old, alpha) with either.
-   All look at both ends first. CRUSH_SPACE then steps along the curve, not along alpha: the matrix is
-   made a parabola in alpha (with its exact second derivative), and where that meets the curve is the
-   next place to evaluate: third order, without a kink. It stops when what the last two steps left
-   over shows that a further one would move alpha by less than tol. Where several roots exist it
-   returns the largest: from the alpha down below which P may fall with alpha it looks through places
-   so dense that the polynomials through values and two derivatives tell where H > 0; the others may
-   meet any root.
+   All evaluate alpha_old first, the others alpha = 1 next. CRUSH_SPACE then steps along the curve,
+   not along alpha: the matrix is made a parabola in alpha (with its exact second derivative), and
+   where that meets the curve is the next place to evaluate: third order, without a kink. It stops
+   when what the last two steps left over shows that a further one would move alpha by less than tol:
+   after two or three evaluations as a rule, 40 at most (120 without a second derivative, or on a
+   caller's curve). Where several roots exist it returns the largest: where P may fall with alpha (of
+   the table's materials in hot, expanded ice, or with B kept above A) it looks through places so
+   dense that the polynomials through values and two derivatives tell where P is above the curve's;
+   the others may meet any root.
    Errors: _MISSING (NULL, unprepared HERRMANN), _CURVE, _MATERIAL, _RANGE (tol, solver),
    _NEGATIVE, _NOT_FINITE, _ALPHA: *out untouched. _NOT_CONVERGED: *out holds the best value. */
 SPHPA_DEF sphpa_result sphpa_palpha_solve(sphpa_palpha_solver solver, const sphpa_tillotson *mat,
@@ -730,7 +732,8 @@ SPHPA_DEF sphpa_result sphpa_palpha_solve_eos(sphpa_palpha_solver solver, const 
 
 /* n states; rho, u, alpha_old, alpha, P are arrays of n; alpha may be alpha_old itself (FLAT). What
    sphpa_palpha_solve gives: to the tolerance for CRUSH_SPACE, which solves states side by side in
-   SIMD, bit for bit for the others. A state's answer does not depend on those beside it, nor on the
+   SIMD (FLAT curves, quadratic or of whole exponents up to 18; where the compiler has -O3
+   -fno-math-errno -fno-trapping-math), bit for bit for the others. A state's answer does not depend on those beside it, nor on the
    number of threads (OpenMP: for 4096 states or more). Every state is processed; the result is the
    gravest of them. A failed state's alpha and P stay untouched unless it is _NOT_CONVERGED. stats
    may be NULL. An error of the curve, material or options is returned before any state is touched. */
@@ -5052,10 +5055,20 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_vapour_rises_(const sphpa_tillotson *mat,
     return (mat->u_cv - u) * cold >= (u - mat->u_iv) * lost;
 }
 
-/* The alpha from which up P of eq. 1 never falls with alpha; 0: for every alpha >= 1. Cold: where
-   A + B (eta^2 - 1) >= 0. Vapour that may fall: up to z1, where g = 0. A cut-off only acts below Pe,
-   where F does not see P. */
-SPHPA_PRIVATE_ double sphpa_palpha_rising_(const sphpa_tillotson *mat, double rho, double u) {
+/* Is the vapour thinner than the hump from `eta` down? There y^2 g falls with z, and g is below (beta/
+   (2 alpha) + z) exp(-beta z). */
+SPHPA_NO_INLINE_ bool sphpa_palpha_vapour_thin_(const sphpa_tillotson *mat, double eta, double u) {
+    double z = 1.0 / eta - 1.0, y = 1.0 + z, c = 0.5 * mat->beta / mat->alpha;
+    if (!(z > 0.0 && 2.0 / y + 1.0 / (z + c) <= mat->beta)) return false;
+    double lost = mat->A * (mat->E0 + u * y * y) * (c + z) * sphpa_exp_(-mat->beta * z);
+    return mat->b * mat->rho0 * mat->E0 * u >= lost;
+}
+
+/* The alpha from which up P of eq. 1 never falls with alpha, as far as `top`; 0: for every alpha in
+   [1, top]. Cold: where A + B (eta^2 - 1) >= 0. Vapour that may fall: up to z1, where g = 0. A cut-off
+   only acts below Pe, where F does not see P. */
+SPHPA_PRIVATE_ double sphpa_palpha_rising_(const sphpa_tillotson *mat, double rho, double u,
+                                           double top) {
     double eta = rho / mat->rho0, from = 0.0;
     if (mat->B < 0.0) return HUGE_VAL; /* it falls somewhere above */
     if (eta >= 1.0) return 0.0;
@@ -5065,7 +5078,8 @@ SPHPA_PRIVATE_ double sphpa_palpha_rising_(const sphpa_tillotson *mat, double rh
     }
     if (u > mat->u_iv) {
         sphpa_palpha_hump_ most = sphpa_palpha_hump_of_(mat);
-        if (!sphpa_palpha_vapour_rises_(mat, &most, eta, u)) {
+        if (!sphpa_palpha_vapour_rises_(mat, &most, eta, u) &&
+            !sphpa_palpha_vapour_thin_(mat, eta * top, u)) {
             double beta = mat->beta, z1 = 2.0 / (beta + sqrt(beta * beta + 8.0 * mat->alpha));
             from = sphpa_max_(from, 1.0 / (1.0 + z1));
         }
@@ -5298,7 +5312,7 @@ SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_fast_(const sphpa_tillotson *mat, 
         task->evaluations = 1;
         if (!sphpa_finite_(point->matrix.P)) return SPHPA_ERROR_NOT_FINITE;
     }
-    task->rising = sphpa_palpha_rising_(mat, task->rho, task->u);
+    task->rising = sphpa_palpha_rising_(mat, task->rho, task->u, task->cap);
     return sphpa_palpha_run_crush_space_(task, point, out);
 }
 
@@ -5746,7 +5760,7 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_batch_plain_(const sphpa_palpha_batch_ *ba
     bool range = (rho > 1e-100) & (rho < 1e100) & (u >= 0.0) & (u < 1e100) & (alpha_old > 1.0) &
                  (alpha_old <= batch->common.shape.alpha0);
     if (!range || !batch->lanes) return false;
-    return (batch->cold_rises && u <= mat->u_iv) || sphpa_palpha_rising_(mat, rho, u) <= 1.0;
+    return (batch->cold_rises && u <= mat->u_iv) || sphpa_palpha_rising_(mat, rho, u, alpha_old) <= 1.0;
 }
 
 /* The states [first, first + n), n at most SPHPA_LANES_. Those that are left to the scalar solver come
