@@ -4673,6 +4673,12 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_narrow_(sphpa_palpha_bracket_ *in,
     }
 }
 
+/* the upper end of the path at hand */
+SPHPA_FORCE_INLINE_ double sphpa_palpha_highest_(const sphpa_palpha_task_ *task,
+                                                 sphpa_crush_way_ way) {
+    return way == SPHPA_CRUSH_ANY_ && !task->on_line ? task->alpha_y : task->cap;
+}
+
 /* Has the bracket, or the step, come to what doubles can tell? Then *to is the answer; where the
    two ends have met in alpha, but not in H, *met is false. */
 SPHPA_FORCE_INLINE_ bool sphpa_palpha_rough_(const sphpa_palpha_task_ *task, sphpa_crush_way_ way,
@@ -4683,7 +4689,8 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_rough_(const sphpa_palpha_task_ *task, sph
     const double eps = DBL_EPSILON, alpha = at->alpha;
     double move = step->ds * (at->alpha1 + 0.5 * step->ds * at->alpha2);
     bool fine = fabs(step->ds) <= 2.0 * eps * fabs(at->s); /* less than s can say */
-    if (fabs(step->H) <= sphpa_palpha_noise_(task, way, at)) {
+    if (fabs(step->H) <= sphpa_palpha_noise_(task, way, at) &&
+        !(alpha > sphpa_palpha_highest_(task, way))) {
         if (fine) to->alpha += move;
         return true;
     }
@@ -4720,6 +4727,12 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_closed_(sphpa_palpha_point_ *point) {
     point->F = point->slope = 0.0;
 }
 
+/* the place on the path with this alpha */
+SPHPA_NO_INLINE_ double sphpa_palpha_where_(const sphpa_palpha_task_ *task, double alpha) {
+    if (task->on_line) return alpha - task->alpha_y;
+    return alpha >= task->shape->top ? 1.0 : sphpa_crush_invert_(task->shape, alpha);
+}
+
 /* Steps along the path inside the bracket, from s; *point has been evaluated near by. */
 SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_crush_way_ way,
                                                 sphpa_palpha_task_ *task,
@@ -4727,6 +4740,11 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
                                                 sphpa_palpha_point_ *point,
                                                 sphpa_palpha_parabola_ matrix) {
     sphpa_palpha_place_ at = sphpa_palpha_path_(task, way, s), to;
+    double highest = sphpa_palpha_highest_(task, way);
+    if (at.alpha > highest) { /* a guess too high: nothing is known of P there */
+        in.hi = sphpa_palpha_where_(task, highest);
+        at = sphpa_palpha_path_(task, way, in.hi);
+    }
     double last = at.alpha - point->alpha;
     bool smooth = sphpa_palpha_smooth_(task, point->alpha, at.alpha), inside, met = true;
     bool exact = task->shape->function == NULL && sphpa_finite_(point->matrix.d2), rough = false;
@@ -4743,7 +4761,8 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
         sphpa_palpha_step_ step = sphpa_palpha_step_of_(way, &matrix, &at);
         double small = sphpa_palpha_small_(task, at.alpha);
         to = at;
-        sphpa_palpha_narrow_(&in, &at, step.H);
+        /* at the upper end H is positive, as F is; rounding may hide it */
+        sphpa_palpha_narrow_(&in, &at, at.alpha > highest ? fabs(step.H) + DBL_MIN : step.H);
         rough = sphpa_palpha_rough_(task, way, &in, &step, &at, small, &met, &to);
         if (rough) break;
         last = sphpa_min_(fabs(last), 0.5 * at.alpha); /* a longer one saw more than one bend */
@@ -4753,6 +4772,7 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
         if (way != SPHPA_CRUSH_SQUARE_ && inside && fabs(step.H2 * step.ds) > 0.25 * step.H1)
             sphpa_palpha_polish_(task, way, &matrix, &in, &to);
         double move = to.alpha - at.alpha;
+        if (to.alpha > highest + small) inside = false;
         if (inside && fabs(move) <= small && (at.s > 0.0) == (to.s > 0.0) &&
             (way == SPHPA_CRUSH_SQUARE_ || fabs(step.H * at.alpha1) <= small * step.H1))
             break; /* an odd curve may bend so much that Halley hardly moves: Newton has to agree */
@@ -4833,12 +4853,6 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_knot_at_(sphpa_palpha_eval_ eval, sphpa_pa
     knot->matrix = sphpa_palpha_parabola_of_(task, point, NULL);
     knot->step = sphpa_palpha_step_of_(SPHPA_CRUSH_ANY_, &knot->matrix, &knot->at);
     return true;
-}
-
-/* the place on the path with this alpha */
-SPHPA_PRIVATE_ double sphpa_palpha_where_(const sphpa_palpha_task_ *task, double alpha) {
-    if (task->on_line) return alpha - task->alpha_y;
-    return alpha >= task->shape->top ? 1.0 : sphpa_crush_invert_(task->shape, alpha);
 }
 
 /* The first places to look at between lo and top, from lo up: quarters of each smooth piece. */
@@ -5519,13 +5533,14 @@ SPHPA_FORCE_INLINE_ double sphpa_palpha_or_(double yes, bool or_else) { return o
 
 /* The step of lane i from `at`: the bracket, and where it leads; yes if inside. */
 SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_next_(const sphpa_crush_shape_ *shape,
-                                                   const sphpa_palpha_step_ *step,
+                                                   const sphpa_palpha_step_ *step, double alpha,
                                                    sphpa_palpha_lanes_ *x, size_t i,
                                                    double *next) {
     double s = x->s[i], lo = x->lo[i], hi = x->hi[i], end = shape->s_end;
     double known = sphpa_palpha_or_(sphpa_palpha_and_(step->H <= 0.0 ? 1.0 : 0.0, s <= end), lo > end);
-    hi = step->H > 0.0 ? s : hi;
-    lo = step->H > 0.0 ? lo : s;
+    double above = sphpa_palpha_or_(step->H > 0.0 ? 1.0 : 0.0, alpha > x->cap[i]);
+    hi = above > 0.0 ? s : hi;
+    lo = above > 0.0 ? lo : s;
     double far = s + step->ds, middle = hi > 0.0 ? 0.0 : 0.5 * (lo + hi);
     double inside = sphpa_palpha_and_(far >= lo ? 1.0 : 0.0, far <= hi);
     middle = lo < 0.0 ? middle : 0.5 * (lo + hi); /* 0: the knee */
@@ -5570,12 +5585,12 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_round_(const sphpa_palpha_common_ *co
     step.ds = sphpa_crush_step_lane_(step.H, step.H1, step.H2, step.H3);
     double small = sphpa_max_(common->tol, 4.0 * DBL_EPSILON * at.alpha);
     double closed = sphpa_palpha_and_(step.H > 0.0 ? 1.0 : 0.0, s <= shape->s_end);
-    double inside = sphpa_palpha_lane_next_(shape, &step, x, i, &next);
+    double inside = sphpa_palpha_lane_next_(shape, &step, at.alpha, x, i, &next);
     to = sphpa_palpha_on_curve_(shape, way, next);
     double last = sphpa_palpha_lane_last_(common, hot, &matrix, &step, &to, at.P, small, x, i);
     last = sphpa_palpha_and_(last, sphpa_palpha_step_good_(shape, way, &matrix, &step, &at, small,
                                                            to.alpha - at.alpha));
-    last = sphpa_palpha_and_(last, inside > 0.0);
+    last = sphpa_palpha_and_(sphpa_palpha_and_(last, inside > 0.0), to.alpha <= x->cap[i] + small);
     if (way != SPHPA_CRUSH_SQUARE_) { /* no knee between */
         last = sphpa_palpha_and_(last, sphpa_min_(s, next) > 0.0 || sphpa_max_(s, next) <= 0.0);
     }
