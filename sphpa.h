@@ -4500,7 +4500,7 @@ SPHPA_NO_INLINE_ void sphpa_palpha_refine_(const sphpa_palpha_task_ *task,
     if (!(shape->Rt > 0.1 * shape->Pt) || !(P > (shape->herrmann ? task->Py : shape->Pe))) return;
     point->F = point->alpha - sphpa_palpha_target_(task, SPHPA_CRUSH_ANY_, P, &point->slope);
     double dF = sphpa_palpha_dF_(task, point), move = -point->F / dF;
-    if (!(point->slope < 0.0) || !(dF > 0.5)) return;
+    if (!(point->slope < 0.0) || !(dF > 0.05)) return;
     if (!(fabs(move) <= 1000.0 * DBL_EPSILON * point->alpha)) return;
     double alpha = sphpa_clamp_(point->alpha + move, 1.0, task->cap);
     double rise = task->rho * point->matrix.d1 * (alpha - point->alpha);
