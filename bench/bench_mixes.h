@@ -140,10 +140,16 @@ static void bench_read_head(const char *line, bench_mix *mix) {
         if (strcmp(key, number[k].name) == 0) *number[k].place = value;
 }
 
+static bool bench_is_state(const double state[3], double alpha0) {
+    return state[0] > 0.0 && state[0] <= DBL_MAX && state[1] >= 0.0 && state[1] <= DBL_MAX &&
+           state[2] >= 1.0 && state[2] <= alpha0;
+}
+
 /* reads the file that pumice_impact --record-states wrote; n states of it, drawn without order */
 static void bench_read_states(const char *path, size_t n, sphpa_rng *rng, bench_mix *mix) {
     char line[256];
     size_t seen = 0;
+    long number = 0; /* of the line */
     FILE *file = fopen(path, "r");
     if (file == NULL)
         example_fail(1, "--states %s: %s; make it with pumice_impact --record-states %s, or leave "
@@ -151,8 +157,12 @@ static void bench_read_states(const char *path, size_t n, sphpa_rng *rng, bench_
     bench_set_make(&mix->set, n);
     while (fgets(line, sizeof line, file) != NULL) {
         double state[3];
+        int end = 0;
+        line[strcspn(line, "\r\n")] = '\0';
+        number++;
         if (line[0] == '#') bench_read_head(line, mix);
-        else if (sscanf(line, "%lf %lf %lf", &state[0], &state[1], &state[2]) == 3) {
+        else if (sscanf(line, "%lf %lf %lf %n", &state[0], &state[1], &state[2], &end) == 3 &&
+                 line[end] == '\0' && bench_is_state(state, mix->curve.alpha0)) {
             /* each line of the file is kept with the same chance */
             size_t at = seen < n ? seen : sphpa_rng_below(rng, (uint32_t)seen + 1);
             seen++;
@@ -161,16 +171,20 @@ static void bench_read_states(const char *path, size_t n, sphpa_rng *rng, bench_
             mix->set.u[at] = state[1];
             mix->set.alpha_old[at] = state[2];
         } else {
-            example_fail(1, "--states %s: \"%.40s\" is no state; write rho, u and alpha_old", path,
-                         line);
+            example_fail(1, "--states %s, line %ld: \"%.60s\" is no state; write rho > 0, u >= 0 and "
+                         "alpha_old in [1, alpha0 = %g] of the head, or record it again", path,
+                         number, line, mix->curve.alpha0);
         }
     }
     fclose(file);
     if (seen < mix->set.n) mix->set.n = seen;
     if (seen == 0) example_fail(1, "--states %s: it holds no state", path);
-    if (sphpa_crush_check(&mix->curve, NULL) != SPHPA_OK ||
-        sphpa_tillotson_find(mix->material) == NULL)
-        example_fail(1, "--states %s: its head names no material or curve; record it again", path);
+    if (sphpa_tillotson_find(mix->material) == NULL)
+        example_fail(1, "--states %s: its head names the material \"%s\", which the table has not; "
+                     "record it again", path, mix->material);
+    sphpa_error err;
+    if (sphpa_crush_check(&mix->curve, &err) != SPHPA_OK)
+        example_fail(1, "--states %s: the curve of its head: %s; record it again", path, err.message);
 }
 
 /* ---- all of them ----------------------------------------------------------------------------- */

@@ -687,11 +687,19 @@ int main(int argc, char **argv) {
     set.one.n1 = 12.0;
     set.one.n2 = 3.0;
     set.one.tol = 1e-12;
+    bool one = false;
+    for (int i = 1; i < argc; i++)
+        one = one || strcmp(argv[i], "--state") == 0 || strncmp(argv[i], "--state=", 8) == 0;
     argc = join_state(argc, argv, joined, sizeof joined);
     read_command_line(argc, argv, &set);
     (void)example_threads(set.threads);
     if (set.quick) set.states = 1000000;
-    if (set.one.state[2] > 0.0) { /* alpha_old: --state was given */
+    if (one) {
+        const double *at = set.one.state;
+        if (!(at[0] > 0.0 && at[1] >= 0.0 && at[2] >= 1.0 && at[2] <= set.one.alpha0))
+            example_fail(2, "--state %g %g %g: rho must be positive, u not negative and alpha_old in "
+                         "[1, alpha0 = %g]; as in --state 1000 1e4 2", at[0], at[1], at[2],
+                         set.one.alpha0);
         replay_run(&set.one);
         return 0;
     }

@@ -434,6 +434,17 @@ static inline bool example_is_folder_(const char *path) {
 #endif
 }
 
+/* is there something with this name that is no file? */
+static inline bool example_is_special_(const char *path) {
+#if EXAMPLE_POSIX
+    struct stat what;
+    return stat(path, &what) == 0 && !S_ISREG(what.st_mode);
+#else
+    (void)path;
+    return false;
+#endif
+}
+
 /* mkdir -p; ends the program where that cannot be done. `option` is what chose the folder. */
 static inline void example_folder_of(const char *path, const char *option) {
     char part[EXAMPLE_PATH];
@@ -468,6 +479,9 @@ static inline example_file example_open_of(const char *folder, const char *name,
     if (n < 0 || (size_t)n >= sizeof file.path)
         example_fail(1, "%.60s/...: the name is too long", folder);
     snprintf(file.part, sizeof file.part, "%s.part", file.path);
+    if (example_is_special_(file.path)) /* it would be replaced by a file */
+        example_fail(1, "%s is a folder or a device; give the name of a file with %s", file.path,
+                     option);
     file.stream = fopen(file.part, "w");
     if (file.stream == NULL)
         example_fail(1, "cannot write %s (%s); choose another folder with %s", file.part,
