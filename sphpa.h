@@ -733,7 +733,8 @@ SPHPA_DEF sphpa_result sphpa_palpha_solve_eos(sphpa_palpha_solver solver, const 
 /* n states; rho, u, alpha_old, alpha, P are arrays of n; alpha may be alpha_old itself (FLAT). What
    sphpa_palpha_solve gives: to the tolerance for CRUSH_SPACE, which solves states side by side in
    SIMD (FLAT curves, quadratic or of whole exponents up to 18; where the compiler has -O3
-   -fno-math-errno -fno-trapping-math), bit for bit for the others. A state's answer does not depend on those beside it, nor on the
+   -fno-math-errno -fno-trapping-math), or what a rounding makes of an ill state; bit for bit for the
+   others. A state's answer does not depend on those beside it, nor on the
    number of threads (OpenMP: for 4096 states or more). Every state is processed; the result is the
    gravest of them. A failed state's alpha and P stay untouched unless it is _NOT_CONVERGED. stats
    may be NULL. An error of the curve, material or options is returned before any state is touched. */
@@ -4784,8 +4785,8 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_close_in_(sphpa_palpha_eval_ eval, sphpa_c
             break;
         smooth = inside && sphpa_palpha_smooth_(task, at.alpha, to.alpha);
         task->fell_back = k >= 8;
-        if (task->evaluations >= most) task->result = SPHPA_ERROR_NOT_CONVERGED;
-        if (task->evaluations >= most) break;
+        if (task->evaluations >= most - 1) task->result = SPHPA_ERROR_NOT_CONVERGED;
+        if (task->evaluations >= most - 1) break; /* one is left for the end */
         last = move;
         at = to;
     }
@@ -5323,20 +5324,20 @@ SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_fast_(const sphpa_tillotson *mat, 
         if (!sphpa_palpha_matrix_at_(sphpa_palpha_eval_tillotson_, task, task->cap, point))
             return task->result;
     } else {
-        task->evaluations = 1;
+        task->evaluations++;
         if (!sphpa_finite_(point->matrix.P)) return SPHPA_ERROR_NOT_FINITE;
     }
     task->rising = sphpa_palpha_rising_(mat, task->rho, task->u, task->cap);
     return sphpa_palpha_run_crush_space_(task, point, out);
 }
 
-/* One state. `make`: where the call's shape has yet to be made of `curve`, if it is needed; NULL: it
-   is there. */
+/* One state, on which `spent` evaluations have been spent. `make`: where the call's shape has yet to
+   be made of `curve`, if it is needed; NULL: it is there. */
 SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_one_(const sphpa_palpha_call_ *call,
                                                    sphpa_crush_shape_ *make,
                                                    const sphpa_crush *curve,
                                                    const sphpa_tillotson *mat, double rho,
-                                                   double u, double alpha_old,
+                                                   double u, double alpha_old, int spent,
                                                    sphpa_palpha_solution *out) {
     sphpa_palpha_task_ task;
     sphpa_palpha_point_ point;
@@ -5350,6 +5351,7 @@ SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_one_(const sphpa_palpha_call_ *cal
     sphpa_palpha_begin_(call, mat, rho, u, alpha_old, &task);
     task.kink = sphpa_palpha_kink_(mat, u > mat->u_iv) / rho;
     task.floor2 = sphpa_palpha_floor2_(mat);
+    task.evaluations = spent;
     if (fast) result = sphpa_palpha_fast_(mat, known, &task, &point, out);
     else if (call->solver == SPHPA_PALPHA_BISECTION) result = sphpa_palpha_run_bisection_(&task, out);
     else if (call->solver == SPHPA_PALPHA_NEWTON) result = sphpa_palpha_run_newton_(&task, out);
@@ -5374,7 +5376,7 @@ SPHPA_DEF sphpa_result sphpa_palpha_solve(sphpa_palpha_solver solver, const sphp
     sphpa_result result = sphpa_palpha_open_(solver, curve, opt, &call);
     if (result != SPHPA_OK) return result;
     if (!sphpa_palpha_material_ok_(mat)) return SPHPA_ERROR_MATERIAL;
-    return sphpa_palpha_one_(&call, &call.shape, curve, mat, rho, u, alpha_old, out);
+    return sphpa_palpha_one_(&call, &call.shape, curve, mat, rho, u, alpha_old, 0, out);
 }
 
 SPHPA_DEF sphpa_result sphpa_palpha_solve_eos(sphpa_palpha_solver solver, const sphpa_eos *eos,
@@ -5456,6 +5458,10 @@ SPHPA_FORCE_INLINE_ sphpa_palpha_parabola_ sphpa_palpha_lane_parabola_(
     return out;
 }
 
+/* yes and no of a lane are 1 and 0: compilers make masks of these, but not of every bool */
+SPHPA_FORCE_INLINE_ double sphpa_palpha_and_(double yes, bool also) { return also ? yes : 0.0; }
+SPHPA_FORCE_INLINE_ double sphpa_palpha_or_(double yes, bool or_else) { return or_else ? 1.0 : yes; }
+
 /* Lane i at alpha_old: the answer if that is elastic. */
 SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_end_(const sphpa_palpha_common_ *common, bool hot,
                                                 sphpa_crush_way_ way, sphpa_palpha_lanes_ *x,
@@ -5464,10 +5470,11 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_end_(const sphpa_palpha_common_ *comm
     double rho = x->rho[i], cap = x->cap[i], rho_s = cap * rho, inv_s = 1.0 / rho_s;
     sphpa_tillotson_branch_ eos = sphpa_palpha_lane_eos_(mat, hot, rho_s, x->u[i]);
     sphpa_palpha_parabola_ matrix = sphpa_palpha_lane_parabola_(&eos, rho, cap);
-    double inv = rho * inv_s, P = eos.P * inv;
+    double inv = rho * inv_s, P = eos.P / cap; /* divided, as the scalar solver does */
     double least = mat->tensile_limit > 0.0 ? -mat->tensile_limit : -DBL_MAX;
     least = rho_s < mat->eta_cut * mat->rho0 ? 0.0 : least;
-    x->done[i] = cap <= sphpa_crush_curve_lane_(&common->shape, way, P) ? 1.0 : 0.0;
+    x->done[i] = sphpa_palpha_and_(
+        cap <= sphpa_crush_curve_lane_(&common->shape, way, P) ? 1.0 : 0.0, fabs(P) <= DBL_MAX);
     x->alpha[i] = cap;
     x->P[i] = sphpa_max_(eos.P, least) * inv;
     x->c[i] = sphpa_palpha_lane_c_(common, eos.P, eos.dP_drho, eos.dP_du, inv_s);
@@ -5526,10 +5533,6 @@ SPHPA_FORCE_INLINE_ void sphpa_palpha_lane_settle_(const sphpa_palpha_common_ *c
     x->c[i] = sphpa_palpha_lane_c_(common, Y, eos->dP_drho + d_rho * eos->d2P_drho2,
                                    eos->dP_du + d_rho * eos->d2P_drho_du, inv * x->inv_rho[i]);
 }
-
-/* yes and no of a lane are 1 and 0: compilers make masks of these, but not of every bool */
-SPHPA_FORCE_INLINE_ double sphpa_palpha_and_(double yes, bool also) { return also ? yes : 0.0; }
-SPHPA_FORCE_INLINE_ double sphpa_palpha_or_(double yes, bool or_else) { return or_else ? 1.0 : yes; }
 
 /* The step of lane i from `at`: the bracket, and where it leads; yes if inside. */
 SPHPA_FORCE_INLINE_ double sphpa_palpha_lane_next_(const sphpa_crush_shape_ *shape,
@@ -5663,7 +5666,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_palpha_batch_one_(const sphpa_palpha_batch_ *b
                                                     int spent, sphpa_palpha_stats *stats) {
     sphpa_palpha_solution state;
     sphpa_result result = sphpa_palpha_one_(batch->call, NULL, NULL, &batch->common.mat, batch->rho[i],
-                                            batch->u[i], batch->alpha_old[i], &state);
+                                            batch->u[i], batch->alpha_old[i], spent, &state);
     if (stats->status != NULL) stats->status[i] = (unsigned char)result;
     if (result != SPHPA_OK) {
         stats->failed++;
@@ -5674,9 +5677,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_palpha_batch_one_(const sphpa_palpha_batch_ *b
     batch->P[i] = state.P;
     if (stats->c != NULL) stats->c[i] = state.c;
     if (stats->residual != NULL) stats->residual[i] = state.residual;
-    spent += state.evaluations;
-    stats->evaluations += (size_t)spent;
-    if (spent > stats->evaluations_max) stats->evaluations_max = spent;
+    stats->evaluations += (size_t)state.evaluations;
+    if (state.evaluations > stats->evaluations_max) stats->evaluations_max = state.evaluations;
     if (state.fell_back != 0) stats->fell_back++;
     return result;
 }
@@ -5986,7 +5988,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_palpha_shock_(const sphpa_palpha_call_ *call,
         behind->rho = ahead->rho / (1.0 - x);
         behind->u = ahead->u + ahead->P * x / ahead->rho + 0.5 * dv * dv;
         sphpa_result result = sphpa_palpha_one_(call, NULL, NULL, mat, behind->rho, behind->u,
-                                                call->shape.alpha0, &state);
+                                                call->shape.alpha0, 0, &state);
         if (result != SPHPA_OK) return result;
         behind->P = state.P;
         behind->alpha = state.alpha;
