@@ -5315,47 +5315,69 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_elastic_(const sphpa_tillotson *mat, doubl
     return true;
 }
 
-/* crush-space, where alpha_old is evaluated already if `known` */
-SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_fast_(const sphpa_tillotson *mat, bool known,
-                                                    sphpa_palpha_task_ *task,
-                                                    sphpa_palpha_point_ *point,
-                                                    sphpa_palpha_solution *out) {
-    if (!known) {
-        if (!sphpa_palpha_matrix_at_(sphpa_palpha_eval_tillotson_, task, task->cap, point))
-            return task->result;
-    } else {
-        task->evaluations++;
-        if (!sphpa_finite_(point->matrix.P)) return SPHPA_ERROR_NOT_FINITE;
-    }
-    task->rising = sphpa_palpha_rising_(mat, task->rho, task->u, task->cap);
-    return sphpa_palpha_run_crush_space_(task, point, out);
+/* One state of a call, on which `spent` evaluations have been spent. make: where the call's shape has
+   yet to be made of the curve, if it is needed; NULL: it is there. */
+typedef struct sphpa_palpha_given_ {
+    const sphpa_palpha_call_ *call;
+    const sphpa_tillotson *mat;
+    const sphpa_crush *curve;
+    sphpa_crush_shape_ *make;
+    double rho, u, alpha_old;
+    int spent;
+} sphpa_palpha_given_;
+
+SPHPA_FORCE_INLINE_ void sphpa_palpha_task_of_(const sphpa_palpha_given_ *given,
+                                               sphpa_palpha_task_ *task) {
+    const sphpa_tillotson *mat = given->mat;
+    if (given->make != NULL) sphpa_crush_shape_of_(given->curve, given->make);
+    sphpa_palpha_begin_(given->call, mat, given->rho, given->u, given->alpha_old, task);
+    task->kink = sphpa_palpha_kink_(mat, given->u > mat->u_iv) / given->rho;
+    task->floor2 = sphpa_palpha_floor2_(mat);
+    task->evaluations = given->spent;
 }
 
-/* One state, on which `spent` evaluations have been spent. `make`: where the call's shape has yet to
-   be made of `curve`, if it is needed; NULL: it is there. */
-SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_one_(const sphpa_palpha_call_ *call,
-                                                   sphpa_crush_shape_ *make,
-                                                   const sphpa_crush *curve,
-                                                   const sphpa_tillotson *mat, double rho,
-                                                   double u, double alpha_old, int spent,
-                                                   sphpa_palpha_solution *out) {
+SPHPA_NO_INLINE_ sphpa_result sphpa_palpha_crush_(const sphpa_palpha_given_ *given,
+                                                  sphpa_palpha_point_ *point,
+                                                  sphpa_palpha_solution *out) {
     sphpa_palpha_task_ task;
-    sphpa_palpha_point_ point;
+    sphpa_palpha_task_of_(given, &task);
+    if (!given->call->flat) { /* else alpha_old has been evaluated */
+        if (!sphpa_palpha_matrix_at_(sphpa_palpha_eval_tillotson_, &task, task.cap, point))
+            return task.result;
+    } else {
+        task.evaluations++;
+        if (!sphpa_finite_(point->matrix.P)) return SPHPA_ERROR_NOT_FINITE;
+    }
+    task.rising = sphpa_palpha_rising_(given->mat, task.rho, task.u, task.cap);
+    return sphpa_palpha_run_crush_space_(&task, point, out);
+}
+
+SPHPA_NO_INLINE_ sphpa_result sphpa_palpha_teach_(const sphpa_palpha_given_ *given,
+                                                  sphpa_palpha_solution *out) {
+    sphpa_palpha_task_ task;
+    sphpa_palpha_task_of_(given, &task);
+    if (given->call->solver == SPHPA_PALPHA_BISECTION)
+        return sphpa_palpha_run_bisection_(&task, out);
+    if (given->call->solver == SPHPA_PALPHA_NEWTON) return sphpa_palpha_run_newton_(&task, out);
+    return sphpa_palpha_run_safe_newton_(&task, out);
+}
+
+SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_one_(const sphpa_palpha_given_ *given, bool fast,
+                                                   sphpa_palpha_solution *out) {
+    const sphpa_palpha_call_ *call = given->call;
+    const sphpa_tillotson *mat = given->mat;
+    double rho = given->rho, u = given->u, alpha_old = given->alpha_old;
     sphpa_result result = sphpa_palpha_check_(call->alpha0, rho, u, alpha_old);
     if (result != SPHPA_OK) return result;
-    bool fast = call->solver == SPHPA_PALPHA_CRUSH_SPACE, known = fast && call->flat;
-    if (known && sphpa_palpha_elastic_(mat, call->Pe, sphpa_clamp_(alpha_old, 1.0, call->alpha0),
-                                       rho, u, &point, out))
-        return SPHPA_OK;
-    if (make != NULL) sphpa_crush_shape_of_(curve, make);
-    sphpa_palpha_begin_(call, mat, rho, u, alpha_old, &task);
-    task.kink = sphpa_palpha_kink_(mat, u > mat->u_iv) / rho;
-    task.floor2 = sphpa_palpha_floor2_(mat);
-    task.evaluations = spent;
-    if (fast) result = sphpa_palpha_fast_(mat, known, &task, &point, out);
-    else if (call->solver == SPHPA_PALPHA_BISECTION) result = sphpa_palpha_run_bisection_(&task, out);
-    else if (call->solver == SPHPA_PALPHA_NEWTON) result = sphpa_palpha_run_newton_(&task, out);
-    else result = sphpa_palpha_run_safe_newton_(&task, out);
+    if (fast) {
+        sphpa_palpha_point_ point;
+        double cap = sphpa_clamp_(alpha_old, 1.0, call->alpha0);
+        if (call->flat && sphpa_palpha_elastic_(mat, call->Pe, cap, rho, u, &point, out))
+            return SPHPA_OK;
+        result = sphpa_palpha_crush_(given, &point, out);
+    } else {
+        result = sphpa_palpha_teach_(given, out);
+    }
     if (result != SPHPA_OK && result != SPHPA_ERROR_NOT_CONVERGED) return result;
     if (out->P < 0.0) out->P = sphpa_palpha_cut_(mat, rho, out->alpha, out->P);
     return result;
@@ -5367,16 +5389,50 @@ SPHPA_DEF const char *sphpa_palpha_solver_name(sphpa_palpha_solver solver) {
     return k >= 0 && k < (int)SPHPA_PALPHA_SOLVER_COUNT ? names[k] : NULL;
 }
 
-SPHPA_DEF sphpa_result sphpa_palpha_solve(sphpa_palpha_solver solver, const sphpa_tillotson *mat,
-                                          const sphpa_crush *curve, double rho, double u,
-                                          double alpha_old, const sphpa_palpha_options *opt,
-                                          sphpa_palpha_solution *out) {
+SPHPA_FORCE_INLINE_ sphpa_result sphpa_palpha_solve_by_(sphpa_palpha_solver solver, bool fast,
+                                                        const sphpa_tillotson *mat,
+                                                        const sphpa_crush *curve,
+                                                        const double *state,
+                                                        const sphpa_palpha_options *opt,
+                                                        sphpa_palpha_solution *out) {
     sphpa_palpha_call_ call;
     if (mat == NULL || out == NULL) return SPHPA_ERROR_MISSING;
     sphpa_result result = sphpa_palpha_open_(solver, curve, opt, &call);
     if (result != SPHPA_OK) return result;
     if (!sphpa_palpha_material_ok_(mat)) return SPHPA_ERROR_MATERIAL;
-    return sphpa_palpha_one_(&call, &call.shape, curve, mat, rho, u, alpha_old, 0, out);
+    sphpa_palpha_given_ given = {&call, mat, curve, &call.shape, state[0], state[1], state[2], 0};
+    return sphpa_palpha_one_(&given, fast, out);
+}
+
+/* two functions, so that a program which names its solver holds no other */
+SPHPA_NO_INLINE_ sphpa_result sphpa_palpha_solve_fast_(const sphpa_tillotson *mat,
+                                                       const sphpa_crush *curve,
+                                                       const double *state,
+                                                       const sphpa_palpha_options *opt,
+                                                       sphpa_palpha_solution *out) {
+    return sphpa_palpha_solve_by_(SPHPA_PALPHA_CRUSH_SPACE, true, mat, curve, state, opt, out);
+}
+
+SPHPA_NO_INLINE_ sphpa_result sphpa_palpha_solve_teach_(sphpa_palpha_solver solver,
+                                                        const sphpa_tillotson *mat,
+                                                        const sphpa_crush *curve,
+                                                        const double *state,
+                                                        const sphpa_palpha_options *opt,
+                                                        sphpa_palpha_solution *out) {
+    return sphpa_palpha_solve_by_(solver, false, mat, curve, state, opt, out);
+}
+
+SPHPA_DEF sphpa_result sphpa_palpha_solve(sphpa_palpha_solver solver, const sphpa_tillotson *mat,
+                                          const sphpa_crush *curve, double rho, double u,
+                                          double alpha_old, const sphpa_palpha_options *opt,
+                                          sphpa_palpha_solution *out) {
+    double state[3];
+    state[0] = rho;
+    state[1] = u;
+    state[2] = alpha_old;
+    if (solver == SPHPA_PALPHA_CRUSH_SPACE)
+        return sphpa_palpha_solve_fast_(mat, curve, state, opt, out);
+    return sphpa_palpha_solve_teach_(solver, mat, curve, state, opt, out);
 }
 
 SPHPA_DEF sphpa_result sphpa_palpha_solve_eos(sphpa_palpha_solver solver, const sphpa_eos *eos,
@@ -5665,8 +5721,10 @@ SPHPA_PRIVATE_ void sphpa_palpha_stats_clear_(sphpa_palpha_stats *stats, size_t 
 SPHPA_PRIVATE_ sphpa_result sphpa_palpha_batch_one_(const sphpa_palpha_batch_ *batch, size_t i,
                                                     int spent, sphpa_palpha_stats *stats) {
     sphpa_palpha_solution state;
-    sphpa_result result = sphpa_palpha_one_(batch->call, NULL, NULL, &batch->common.mat, batch->rho[i],
-                                            batch->u[i], batch->alpha_old[i], spent, &state);
+    sphpa_palpha_given_ given = {batch->call,   &batch->common.mat,  NULL, NULL, batch->rho[i],
+                                 batch->u[i], batch->alpha_old[i], spent};
+    sphpa_result result = sphpa_palpha_one_(&given, batch->call->solver == SPHPA_PALPHA_CRUSH_SPACE,
+                                            &state);
     if (stats->status != NULL) stats->status[i] = (unsigned char)result;
     if (result != SPHPA_OK) {
         stats->failed++;
@@ -5987,8 +6045,9 @@ SPHPA_PRIVATE_ sphpa_result sphpa_palpha_shock_(const sphpa_palpha_call_ *call,
         double P = ahead->P + ahead->rho * dv * dv / x;
         behind->rho = ahead->rho / (1.0 - x);
         behind->u = ahead->u + ahead->P * x / ahead->rho + 0.5 * dv * dv;
-        sphpa_result result = sphpa_palpha_one_(call, NULL, NULL, mat, behind->rho, behind->u,
-                                                call->shape.alpha0, 0, &state);
+        sphpa_palpha_given_ given = {call, mat, NULL, NULL, behind->rho, behind->u,
+                                     call->shape.alpha0, 0};
+        sphpa_result result = sphpa_palpha_one_(&given, true, &state);
         if (result != SPHPA_OK) return result;
         behind->P = state.P;
         behind->alpha = state.alpha;
