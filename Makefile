@@ -93,7 +93,7 @@ STATES = $(BUILD)/bench/states.txt
 
 bench-eos: ## P-alpha solvers side by side: time, evaluations, errors in build/bench/eos.csv
 	@$(DEPS) bench
-	@+$(INNER_MAKE) $(BUILD)/bench/bench_eos $(STATES)
+	@+$(INNER_MAKE) $(BUILD)/bench/bench_eos $(if $(filter --help -h --version,$(ARGS)),,$(STATES))
 	$(BUILD)/bench/bench_eos --states $(STATES) --out $(BUILD)/bench $(ARGS)
 
 stress-eos: ## the P-alpha solvers under stress, 1e7 states judged in long double (two minutes)

@@ -383,15 +383,24 @@ static const bench_row *bench_best_peer(const bench_report *report, int mix, dou
     return best;
 }
 
-static void bench_print_ratio(int width, const bench_row *slow, const bench_row *fast) {
-    if (slow != NULL && fast != NULL) printf(" %*.2f |", width, slow->ns / fast->ns);
-    else printf(" %*s |", width, "-");
+#define BENCH_ROUGH_PCT 20.0 /* spread of a row, beyond which its ratios are marked */
+
+/* true: it is marked */
+static bool bench_print_ratio(int width, const bench_row *slow, const bench_row *fast) {
+    if (slow == NULL || fast == NULL) {
+        printf(" %*s |", width, "-");
+        return false;
+    }
+    bool rough = fmax(slow->spread_pct, fast->spread_pct) > BENCH_ROUGH_PCT;
+    printf(" %*.2f%s |", rough ? width - 1 : width, slow->ns / fast->ns, rough ? "?" : "");
+    return rough;
 }
 
 static void bench_print_summary(const bench_report *report) {
     double tol = bench_table_tol(report);
     int fast = bench_solver_named("crush-space"), batch = bench_solver_named("crush-space-batch");
     int slow = bench_solver_named("bisection"), lines = 0;
+    bool marked = false;
     for (int k = 0; k < BENCH_PLANS; k++) {
         const bench_mix *mix = &report->mix[k];
         const bench_row *own = bench_find(report, k, fast, tol);
@@ -404,12 +413,16 @@ static void bench_print_summary(const bench_report *report) {
                    "|:---------|:----------|:-------------|---------------:|-------------------:|"
                    ":-------------|------------------:|------:|-----:|\n", tol);
         printf("| %-8s | %-9s | %-12s |", mix->name, mix->material, mix->curve_name);
-        bench_print_ratio(14, bench_find(report, k, slow, tol), own);
-        bench_print_ratio(18, peer, own);
+        bool rough = bench_print_ratio(14, bench_find(report, k, slow, tol), own);
+        rough = bench_print_ratio(18, peer, own) || rough;
         printf(" %-12s |", peer != NULL ? bench_solvers[peer->solver].name : "-");
-        bench_print_ratio(17, own, bench_find(report, k, batch, tol));
+        rough = bench_print_ratio(17, own, bench_find(report, k, batch, tol)) || rough;
+        marked = marked || rough;
         printf(" %5.2f | %4d |\n", own->evals_mean, own->evals_max);
     }
+    if (marked)
+        printf("?: a time in it spread by more than %g %%; run it again on a quieter machine\n",
+               BENCH_ROUGH_PCT);
 }
 
 /* ---- the command line ------------------------------------------------------------------------ */
