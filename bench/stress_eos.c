@@ -40,17 +40,22 @@ typedef struct extreme {
     stress_state state;
 } extreme;
 
+#define C_OFF 1e-7L /* what the header promises of c */
+
 /* what one solver did */
 typedef struct tally {
     uint64_t states, right, other_root, ill, wrong, not_converged, refused, P_off;
+    uint64_t c_off, c_seen; /* sound speeds that were looked at, and those off by more than C_OFF */
     uint64_t wrong_line; /* of the wrong those whose curve has an elastic line (HERRMANN) */
     uint64_t long_ones;  /* took more than MOST_EVALUATIONS */
     extreme alpha;     /* error by tol, where right and 16 eps cond <= tol */
     extreme alpha_all; /* error where right, whatever cond */
     extreme P;         /* |P - P(alpha)| by what is allowed */
+    extreme c;         /* relative error of c, at tolerances of 1e-12 or less */
     extreme evaluations;
     extreme backward; /* [roundings] of the ill */
     extreme worst_wrong, worst_line, worst_other, worst_refused, worst_not_converged, worst_P;
+    extreme worst_c;
 } tally;
 
 typedef struct totals {
@@ -79,12 +84,13 @@ static void extreme_clear(extreme *e) {
 }
 
 /* the same for every extreme of a tally */
-enum { EXTREMES = 11 };
+enum { EXTREMES = 13 };
 static void tally_extremes(tally *t, extreme *list[EXTREMES]) {
     extreme *all[EXTREMES] = {&t->alpha,       &t->alpha_all,     &t->P,
                               &t->evaluations, &t->backward,      &t->worst_wrong,
                               &t->worst_other, &t->worst_refused, &t->worst_not_converged,
-                              &t->worst_P,     &t->worst_line};
+                              &t->worst_P,     &t->worst_line,    &t->c,
+                              &t->worst_c};
     memcpy(list, all, sizeof all);
 }
 
@@ -110,6 +116,8 @@ static void totals_merge(totals *into, totals *from) {
         a->not_converged += b->not_converged;
         a->refused += b->refused;
         a->P_off += b->P_off;
+        a->c_off += b->c_off;
+        a->c_seen += b->c_seen;
         a->wrong_line += b->wrong_line;
         a->long_ones += b->long_ones;
         tally_extremes(a, to);
@@ -132,6 +140,7 @@ typedef struct answer {
 typedef struct finding {
     ref_verdict verdict;
     long double error, backward, reach, P_error, P_allowed;
+    long double c_error; /* negative: not looked at */
     bool well; /* well-conditioned: 16 eps cond <= tol */
 } finding;
 
@@ -153,6 +162,29 @@ static void judge_P(const ref_problem *p, const sphpa_palpha_solution *out, long
 
 /* alpha and P of an answer; `known` (may be NULL) is a right answer at known_alpha: whoever is
    within reach of it has the same root, and need not look for higher ones again */
+/* c is the matrix's adiabatic speed, without cut-offs. Not looked at where its floor is near, where P
+   is the small rest of large terms, at the density where Tillotson has a kink, where alpha is not known well, and below 1e-140 kg/m3, where the
+   square of rho_s/rho0 leaves the doubles. */
+static void judge_c(const ref_problem *p, const sphpa_tillotson *mat,
+                    const sphpa_palpha_solution *out, double tol, finding *f) {
+    long double x = ref_wide(out->alpha) - 1.0L, rho_s = (1.0L + x) * p->rho;
+    long double floor2 = 0.01L * ref_wide(mat->A) / p->rho0, excess = ref_excess(p, x);
+    f->c_error = -1.0L;
+    if (tol > 1e-12 || !f->well || (f->verdict != REF_RIGHT && f->verdict != REF_OTHER_ROOT)) return;
+    if (!(rho_s > 1e-140L) || fabsl(excess) <= 1e-9L * p->rho0) return;
+    ref_problem whole = *p;
+    whole.tensile_limit = whole.eta_cut = 0.0L;
+    ref_matter m = ref_matrix(&whole, rho_s, excess);
+    long double c2 = m.dP_drho + (m.P / rho_s) * (m.dP_du / rho_s);
+    long double slope = fabsl(m.dP_du); /* and what a difference of two pressures leaves of it */
+    if (p->u > p->u_iv && p->u < p->u_cv)
+        slope += ref_wide(mat->A + fabs(mat->B)) / (p->u_cv - p->u_iv);
+    long double lost = (m.size / rho_s) * (fabsl(m.dP_du) / rho_s) + fabsl(m.P / rho_s) * slope / rho_s;
+    if (!(c2 > 10.0L * floor2 && 1e-8L * c2 > 64.0L * ref_wide(DBL_EPSILON) * lost)) return;
+    f->c_error = fabsl(ref_wide(out->c) / sqrtl(c2) - 1.0L);
+    if (!(f->c_error >= 0.0L)) f->c_error = HUGE_VALL; /* NaN */
+}
+
 static finding judge(const ref_problem *p, const sphpa_palpha_solution *out, double tol,
                      const finding *known, double known_alpha) {
     finding f;
@@ -198,6 +230,14 @@ static void count(tally *t, const answer *a, const finding *f, double tol, uint6
     bool root = f->verdict == REF_RIGHT || f->verdict == REF_OTHER_ROOT;
     if (root) extreme_see(&t->alpha_all, f->error, place, c, s);
     if (root && f->well) extreme_see(&t->alpha, f->error / ref_wide(tol), place, c, s);
+    if (f->c_error >= 0.0L) {
+        t->c_seen++;
+        extreme_see(&t->c, f->c_error, place, c, s);
+        if (f->c_error > C_OFF) {
+            t->c_off++;
+            extreme_see(&t->worst_c, f->c_error, place, c, s);
+        }
+    }
     if (f->P_allowed > 0.0L) extreme_see(&t->P, f->P_error / f->P_allowed, place, c, s);
     if (f->P_error <= f->P_allowed) return;
     t->P_off++;
@@ -231,6 +271,7 @@ static void judge_state(totals *t, const stress_case *c, const stress_state *s,
         if (same) *f = *known;
         else if (a->result == SPHPA_OK)
             *f = judge(&p, &a->out, c->opt.tol, known, known_alpha);
+        if (a->result == SPHPA_OK) judge_c(&p, &c->mat, &a->out, c->opt.tol, f);
         count(mine, a, f, c->opt.tol, place, c, s);
         if (order[k] != CRUSH_SPACE || a->result != SPHPA_OK) continue;
         known = f;
@@ -252,6 +293,7 @@ static answer ask(int solver, const stress_case *c, const stress_state *s) {
         sphpa_palpha_stats stats;
         memset(&stats, 0, sizeof stats);
         stats.residual = &a.out.residual;
+        stats.c = &a.out.c;
         a.result = sphpa_palpha_solve_batch(solver_codes[solver], &c->mat, &c->curve, 1, &s->rho,
                                             &s->u, &s->alpha_old, &c->opt, &a.out.alpha, &a.out.P,
                                             &stats);
@@ -269,6 +311,7 @@ typedef struct block {
     stress_state states[BLOCK];
     answer answers[BLOCK][SOLVERS];
     double rho[BLOCK], u[BLOCK], alpha_old[BLOCK], alpha[BLOCK], P[BLOCK], residual[BLOCK];
+    double c[BLOCK];
     unsigned char status[BLOCK];
 } block;
 
@@ -277,6 +320,7 @@ static void ask_batch(block *b, const stress_case *c, tally *t, uint64_t first) 
     sphpa_palpha_stats stats;
     memset(&stats, 0, sizeof stats);
     stats.residual = b->residual;
+    stats.c = b->c;
     stats.status = b->status;
     for (int i = 0; i < BLOCK; i++) {
         b->rho[i] = b->states[i].rho;
@@ -295,6 +339,7 @@ static void ask_batch(block *b, const stress_case *c, tally *t, uint64_t first) 
         a->out.alpha = b->alpha[i];
         a->out.P = b->P[i];
         a->out.residual = b->residual[i];
+        a->out.c = b->c[i];
     }
     extreme_see(&t->evaluations, (long double)stats.evaluations_max, first, c, &b->states[0]);
 }
@@ -377,22 +422,24 @@ static void print_tally(const char *name, const tally *t) {
     print_count(t->not_converged, 9);
     print_count(t->refused, 7);
     print_count(t->P_off, 5);
+    print_count(t->c_off, 5);
     printf(" %5.0Lf", t->evaluations.value);
     print_count(t->long_ones, 6);
-    printf(" %7.2Lf %8.1Le %7.2Lg %7.2Lf\n", t->alpha.value, t->alpha_all.value, t->P.value,
-           t->backward.value);
+    printf(" %7.2Lf %8.1Le %7.2Lg %8.1Le %7.2Lf\n", t->alpha.value, t->alpha_all.value, t->P.value,
+           t->c.value, t->backward.value);
 }
 
 static void print_solvers(const totals *all) {
-    printf("%-17s %10s %10s %7s %6s %6s %8s %9s %7s %5s %5s %6s %7s %8s %7s %7s\n", "solver",
+    printf("%-17s %10s %10s %7s %6s %6s %8s %9s %7s %5s %5s %5s %6s %7s %8s %7s %8s %7s\n", "solver",
            "states", "right", "other", "ill", "wrong", "HERRMANN", "not conv.", "refused", "P off",
-           "evals", "> 40", "err/tol", "max err", "P err", "ill ulp");
+           "c off", "evals", "> 40", "err/tol", "max err", "P err", "c err", "ill ulp");
     for (int k = 0; k < SOLVERS; k++) print_tally(solver_names[k], &all->solver[k]);
     printf("HERRMANN: the share of the wrong whose curve has an elastic line.\n");
     printf("evals: the most that one state took. err/tol: largest error of alpha, in tolerances,\n"
            "where 16 eps cond is no more than one; max err: largest where right, whatever cond.\n"
            "P err: largest |P - P(alpha)| by what is allowed, |dP/dalpha| (2 tol + 16 eps alpha)\n"
-           "+ 16 eps S; P off: beyond it. ill ulp: most that the inputs of an ill state had to\n"
+           "+ 16 eps S; P off: beyond it. c err: largest relative error of c, at tolerances of 1e-12\n"
+           "or less, where its floor is not near; c off: above 1e-7. ill ulp: most that the inputs of an ill state had to\n"
            "move, in roundings. batch and scalar apart by more than the tolerance: %llu states\n",
            (unsigned long long)all->apart);
     printf("the worst states:\n");
@@ -408,6 +455,7 @@ static void print_solvers(const totals *all) {
             print_worst(name, "not converged, residual", &t->worst_not_converged,
                         s ? &s->worst_not_converged : NULL);
         print_worst(name, "P off by", &t->worst_P, s ? &s->worst_P : NULL);
+        print_worst(name, "c off by", &t->worst_c, s ? &s->worst_c : NULL);
         print_worst(name, "ill, roundings", &t->backward, s ? &s->backward : NULL);
         print_worst(name, "error by tol", &t->alpha, s ? &s->alpha : NULL);
         if (k != BATCH) print_worst(name, "evaluations", &t->evaluations, NULL);
@@ -417,7 +465,7 @@ static void print_solvers(const totals *all) {
 
 /* failures of one solver, by the rules of the page above */
 static uint64_t failures(int solver, const tally *t) {
-    uint64_t bad = t->wrong + t->not_converged + t->refused + t->P_off;
+    uint64_t bad = t->wrong + t->not_converged + t->refused + t->P_off + t->c_off;
     if (solver == NEWTON) return 0;
     if (solver >= CRUSH_SPACE)
         bad += t->other_root + (t->evaluations.value > (long double)MOST_EVALUATIONS);
@@ -661,7 +709,7 @@ static int campaign(const settings *set) {
         const tally *t = &all.solver[k];
         bad += failures(k, t);
         states += t->states;
-        if (k != NEWTON) wrong += t->wrong + t->P_off;
+        if (k != NEWTON) wrong += t->wrong + t->P_off + t->c_off;
     }
     printf("%.1f s\n", example_clock() - begun);
     printf("stress-eos: %llu states, %llu wrong (but for newton), %llu failures, Tillotson %llu, "
