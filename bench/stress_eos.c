@@ -163,8 +163,8 @@ static void judge_P(const ref_problem *p, const sphpa_palpha_solution *out, long
 /* alpha and P of an answer; `known` (may be NULL) is a right answer at known_alpha: whoever is
    within reach of it has the same root, and need not look for higher ones again */
 /* c is the matrix's adiabatic speed, without cut-offs. Not looked at where its floor is near, where P
-   is the small rest of large terms, at the density where Tillotson has a kink, where alpha is not known well, and below 1e-140 kg/m3, where the
-   square of rho_s/rho0 leaves the doubles. */
+   is the small rest of large terms, at the density where Tillotson has a kink, where alpha is not
+   known well, and below 1e-140 kg/m3, where the square of rho_s/rho0 leaves the doubles. */
 static void judge_c(const ref_problem *p, const sphpa_tillotson *mat,
                     const sphpa_palpha_solution *out, double tol, finding *f) {
     long double x = ref_wide(out->alpha) - 1.0L, rho_s = (1.0L + x) * p->rho;
@@ -179,7 +179,8 @@ static void judge_c(const ref_problem *p, const sphpa_tillotson *mat,
     long double slope = fabsl(m.dP_du); /* and what a difference of two pressures leaves of it */
     if (p->u > p->u_iv && p->u < p->u_cv)
         slope += ref_wide(mat->A + fabs(mat->B)) / (p->u_cv - p->u_iv);
-    long double lost = (m.size / rho_s) * (fabsl(m.dP_du) / rho_s) + fabsl(m.P / rho_s) * slope / rho_s;
+    long double lost = (m.size / rho_s) * (fabsl(m.dP_du) / rho_s) +
+                       fabsl(m.P / rho_s) * (slope / rho_s);
     if (!(c2 > 10.0L * floor2 && 1e-8L * c2 > 64.0L * ref_wide(DBL_EPSILON) * lost)) return;
     f->c_error = fabsl(ref_wide(out->c) / sqrtl(c2) - 1.0L);
     if (!(f->c_error >= 0.0L)) f->c_error = HUGE_VALL; /* NaN */
@@ -438,10 +439,13 @@ static void print_solvers(const totals *all) {
     printf("evals: the most that one state took. err/tol: largest error of alpha, in tolerances,\n"
            "where 16 eps cond is no more than one; max err: largest where right, whatever cond.\n"
            "P err: largest |P - P(alpha)| by what is allowed, |dP/dalpha| (2 tol + 16 eps alpha)\n"
-           "+ 16 eps S; P off: beyond it. c err: largest relative error of c, at tolerances of 1e-12\n"
-           "or less, where its floor is not near; c off: above 1e-7. ill ulp: most that the inputs of an ill state had to\n"
-           "move, in roundings. batch and scalar apart by more than the tolerance: %llu states\n",
-           (unsigned long long)all->apart);
+           "+ 16 eps S; P off: beyond it. c err: largest relative error of c where\n"
+           "it is looked at (below, in how many answers of crush-space); c off: above 1e-7.\n"
+           "ill ulp: most that the inputs of an ill state had to\n"
+           "move, in roundings. batch and scalar apart by more than the tolerance: %llu states\n"
+           "c was looked at in %llu answers\n",
+           (unsigned long long)all->apart,
+           (unsigned long long)all->solver[CRUSH_SPACE].c_seen);
     printf("the worst states:\n");
     for (int k = 0; k < SOLVERS; k++) {
         const char *name = solver_names[k];

@@ -1049,8 +1049,8 @@ static int impact_movie(const impact_settings *s, const impact_options *o) {
 static void impact_check_file(const char *option, const char *path) {
     if (path == NULL) return;
     size_t length = strlen(path);
-    if (length == 0 || path[length - 1] == '/' || (EXAMPLE_POSIX && example_is_folder_(path)))
-        example_fail(2, "--%s %s: give the name of a file, not of a folder", option, path);
+    if (length == 0 || path[length - 1] == '/' || example_is_special_(path))
+        example_fail(2, "--%s %s: give the name of a file, not of a folder or a device", option, path);
 }
 
 /* what the options mean only together */
