@@ -38,7 +38,7 @@ INNER_MAKE = $(MAKE) --no-print-directory INNER=1 $(SIDE_BY_SIDE)
 .DELETE_ON_ERROR:
 .SUFFIXES:
 .PHONY: help deps deps-check check test impact impact-full sensitivity movie examples bench-eos \
-        stress-eos path-eos replay-eos tolerance-impact clean FORCE tests-build tests-run examples-build
+        stress-eos path-eos replay-eos tolerance-impact bench-sph clean FORCE tests-build tests-run examples-build
 
 help: ## list these targets (the default)
 	@echo 'make TARGET [VARIABLE=value ..]'
@@ -114,6 +114,12 @@ tolerance-impact: ## does a loose tolerance make damage ring? 1e-2 to 1e-14, dou
 	@+$(INNER_MAKE) $(TOLERANCE)_double $(TOLERANCE)_float
 	$(TOLERANCE)_double --out $(BUILD)/bench $(ARGS)
 	$(TOLERANCE)_float --out $(BUILD)/bench $(ARGS)
+
+# both precisions, one after the other; the second shows both
+bench-sph: ## particles a second and core, gas to porous solid: build/bench/sph.csv (ten minutes)
+	@+$(INNER_MAKE) $(BUILD)/bench/bench_sph_double $(BUILD)/bench/bench_sph_float
+	$(BUILD)/bench/bench_sph_double --out $(BUILD)/bench $(ARGS)
+	$(BUILD)/bench/bench_sph_float --out $(BUILD)/bench --append $(ARGS)
 
 # ---- tests and checks ----
 test: ## build and run the tests, one program a section
@@ -216,12 +222,16 @@ $(TIMED): $(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench
 	$(BENCH_COMPILE) $(WARNINGS) $(BENCH_ABOUT) $< -o $@ $(LINK_FLAGS) $(LIBS)
 
 # one source, both precisions, whatever REAL is
-TOLERANCE_BOTH = $(addprefix $(BUILD)/bench/tolerance_impact_,double float)
-$(TOLERANCE_BOTH): $(BUILD)/bench/tolerance_impact_%: bench/tolerance_impact.c sphpa.h \
+BOTH = $(if $(findstring _float,$@),-DSPHPA_FLOAT) $(WARNINGS) $(BENCH_ABOUT) $< -o $@ $(LINK_FLAGS) $(LIBS)
+$(addprefix $(BUILD)/bench/tolerance_impact_,double float): bench/tolerance_impact.c sphpa.h \
     $(BUILD)/flags.mk $(wildcard bench/*.h examples/*.h) examples/pumice_impact.c
 	@mkdir -p $(@D)
-	$(filter-out -DSPHPA_FLOAT,$(COMPILE)) $(if $(findstring float,$*),-DSPHPA_FLOAT) $(WARNINGS) \
-	    $(BENCH_ABOUT) $< -o $@ $(LINK_FLAGS) $(LIBS)
+	$(filter-out -DSPHPA_FLOAT,$(COMPILE)) $(BOTH)
+
+$(addprefix $(BUILD)/bench/bench_sph_,double float): bench/bench_sph.c sphpa.h $(BUILD)/flags.mk \
+    $(wildcard bench/*.h) examples/example.h
+	@mkdir -p $(@D)
+	$(filter-out -DSPHPA_FLOAT,$(BENCH_COMPILE)) $(BOTH)
 
 $(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h) examples/example.h
 	@mkdir -p $(BUILD)/bench
