@@ -1114,14 +1114,17 @@ SPHPA_DEF sphpa_result sphpa_riemann_sample(double gamma, const sphpa_riemann_st
    Lists with a skin [1] keep their worth while particles move (Verlet 1967):
        r_ij^2 < ((1 + skin) max(s_i, s_j))^2                                                    (3)
    holds every pair of (1) while supports do not grow and nobody has moved more than skin s / 2.
+   A list may be that of several sorted particles in a row, who see much the same (Pall & Hess
+   2013): then one neighbour at a time meets all of them at once, in the lanes of a vector.
    Friends of friends: i and j are linked if r_ij^2 < ((l_i + l_j)/2)^2, and groups are the
    connected components of the links.                                                           (4)
    Particles are sorted along a Morton curve; a node is a range of them with the tight box and the
    largest support of what is in it, and splits at the next three key bits that differ.
    References: Morton 1966 (IBM Ottawa: the order). Barnes & Hut 1986, Nature 324, 446 (the
    octree). Warren & Salmon 1993, Supercomputing '93 (keys). Hernquist & Katz 1989, ApJS 70, 419
-   (trees for SPH). Verlet 1967, Phys. Rev. 159, 98 (lists). Davis et al. 1985, ApJ 292, 371
-   (friends of friends). Tarjan 1975, J. ACM 22, 215 (disjoint sets).
+   (trees for SPH). Verlet 1967, Phys. Rev. 159, 98 (lists). Pall & Hess 2013, CPC 184, 2641 (lists
+   of groups). Davis et al. 1985, ApJ 292, 371 (friends of friends). Tarjan 1975, J. ACM 22, 215
+   (disjoint sets).
    Needs: base. Read next: particles.
    ============================================================================================== */
 #undef SPHPA_DEF
@@ -1206,30 +1209,44 @@ typedef struct sphpa_tree_chunk {
     size_t used, capacity;
 } sphpa_tree_chunk;
 
-/* Everybody's neighbours, in SORTED indices. A zeroed struct holds none; buffers are reused. */
+/* Who is near, in SORTED indices, for each group of sorted particles that follow each other. A
+   zeroed struct holds no lists; buffers are reused. */
 typedef struct sphpa_tree_lists {
     size_t n;                 /* particles */
-    size_t pairs;             /* sum of the counts: every pair counts twice */
+    size_t group;             /* particles of a group; the last one may have fewer */
+    size_t groups;            /* n/group, rounded up */
+    size_t entries;           /* sum of the counts */
     double skin;              /* [1] as built */
-    uint32_t *first;          /* (n) where the list of sorted particle k begins in its chunk */
-    uint32_t *count;          /* (n) its length */
+    uint32_t *first;          /* (groups) where the list of a group begins in its chunk */
+    uint32_t *count;          /* (groups) its length */
     sphpa_tree_chunk *chunks; /* (chunk_count) particle k is in chunk k >> SPHPA_TREE_CHUNK_SHIFT */
     size_t chunk_count;       /* in use; buffers of others are kept for a larger build */
     size_t first_capacity, count_capacity, chunk_capacity;
 } sphpa_tree_lists;
 
-/* Lists every j != k with (3) for every sorted particle k: ascending, coincident points included,
-   the same for any number of threads. skin >= 0 [1]. An OpenMP build allocates from several threads
-   at once, so SPHPA_MALLOC must allow that. ERROR_MISSING, ERROR_EMPTY (tree), ERROR_NOT_FINITE,
-   ERROR_NEGATIVE (skin), ERROR_RANGE ((1 + skin) support above half the periodic box), ERROR_MEMORY
-   (the lists are then empty, buffers kept). */
-SPHPA_DEF sphpa_result sphpa_tree_lists_build(const sphpa_tree *tree, double skin,
+/* An entry of a list: a sorted particle, and which of its images it is that is near. */
+#define SPHPA_TREE_ENTRY_BITS 27
+#define SPHPA_TREE_ENTRY_INDEX(entry) ((entry) & (((uint32_t)1 << SPHPA_TREE_ENTRY_BITS) - 1u))
+#define SPHPA_TREE_ENTRY_IMAGE(entry) ((entry) >> SPHPA_TREE_ENTRY_BITS)
+#define SPHPA_TREE_IMAGES 27
+
+/* [m] what image 0 to 26 of a particle adds to its position; image 0 is the particle itself. */
+SPHPA_DEF void sphpa_tree_image_shift(const sphpa_box *box, uint32_t image, double shift[3]);
+
+/* Lists for every group of `group` (1, 2, 4, 8 or 16) sorted particles all particles, or images of
+   some, with (3) to at least one of the group: the group's own particles are among them, and
+   nobody comes twice as the same image. The same lists, in the same order, for any number of
+   threads. skin >= 0 [1]. An OpenMP build allocates from several threads at once, so SPHPA_MALLOC
+   must allow that. ERROR_MISSING, ERROR_EMPTY (tree), ERROR_NOT_FINITE, ERROR_NEGATIVE (skin),
+   ERROR_RANGE ((1 + skin) support above half the periodic box, group, more than 2^27 particles),
+   ERROR_MEMORY (the lists are then empty, buffers kept). */
+SPHPA_DEF sphpa_result sphpa_tree_lists_build(const sphpa_tree *tree, double skin, size_t group,
                                               sphpa_tree_lists *lists, sphpa_error *err);
 SPHPA_DEF void sphpa_tree_lists_free(sphpa_tree_lists *lists);
 SPHPA_DEF size_t sphpa_tree_lists_bytes(const sphpa_tree_lists *lists);
 
-/* The list of sorted particle k < n: *count indices; valid until the next build. */
-SPHPA_DEF const uint32_t *sphpa_tree_list_of(const sphpa_tree_lists *lists, size_t k,
+/* The list of group g (sorted particles g*group ..): *count entries; valid until the next build. */
+SPHPA_DEF const uint32_t *sphpa_tree_list_of(const sphpa_tree_lists *lists, size_t g,
                                              size_t *count);
 
 /* Friends of friends by (4). link (n) [m], >= 0, and mask (n; NULL: all), both in the caller's
@@ -1243,9 +1260,8 @@ SPHPA_DEF sphpa_result sphpa_tree_friends(const sphpa_tree *tree, const double *
                                           size_t *groups, sphpa_error *err);
 
 /* For the implementation half of other sections (always inline, private):
-     const uint32_t *sphpa_tree_list_of_(lists, k, &count)   with uint32_t count
-     double sphpa_tree_dx_(&box, axis, dx)   equation (2); dx = x_i - x_j, |dx| < 1.5 L
-   The pair loops compute r^2 = dx dx + dy dy + dz dz from these dx, as the lists did. */
+     const uint32_t *sphpa_tree_list_of_(lists, g, &count)   with uint32_t count
+     double sphpa_tree_dx_(&box, axis, dx)   equation (2); dx = x_i - x_j, |dx| < 1.5 L */
 
 /* ================================================================================================
    >>particles   a structure of arrays made from one table of fields
@@ -1513,6 +1529,16 @@ typedef struct sphpa_neighbours {
     double *scratch[4];  /* for the pass to use */
 } sphpa_neighbours;
 
+/* What a PAIR pass gets that takes a few particles at once, in the lanes of a vector, and so runs
+   several times as fast: how that is done stands at "lanes" in the implementation. */
+typedef struct sphpa_group {
+    size_t first, count;   /* the particles first .. first + count - 1, the only ones to write */
+    const uint32_t *list;  /* (entries) of >>tree: all that is near one of them, themselves too */
+    size_t entries;
+    const double (*centre)[3]; /* [m] by image: x_j - centre[image] is relative to the group */
+    const char *records;   /* what pack() wrote; j's is at records + j * record_bytes */
+} sphpa_group;
+
 /* A pass. Zeroed members mean none. Particle i writes only i. In FORCES add to p->a, in ENERGY to
    p->du; both are 0 when these stages begin. PAIR passes that follow each other in one stage share
    a traversal when none reads what an earlier one writes or writes what an earlier one reads: so
@@ -1534,7 +1560,9 @@ typedef struct sphpa_pass {
     /* particles [first, last); on failure *bad is the particle that failed */
     sphpa_result (*particle)(struct sphpa_sim *sim, void *params, size_t first, size_t last,
                              size_t *bad);
+    /* a PAIR pass has one of these two; records begin with the position, by sphpa_sim_position */
     void (*pair)(struct sphpa_sim *sim, void *params, const sphpa_neighbours *near);
+    void (*group)(struct sphpa_sim *sim, void *params, const sphpa_group *near);
     /* [s] the longest step that particle i allows; infinity: no limit */
     double (*limit)(const struct sphpa_sim *sim, const void *params, size_t i);
 } sphpa_pass;
@@ -1632,7 +1660,7 @@ enum {
 
 typedef struct sphpa_stats {
     uint64_t steps, evaluations, rebuilds; /* rebuilds: of tree and lists */
-    double neighbours_mean; /* listed and within the support, at the last evaluation */
+    double neighbours_mean; /* within the supports, when the lists were last built */
     /* u may fall a little below 0: it is kept so, for the energy's sake, and equations of state are
        asked at max(u, 0). At the end of the last step: */
     double u_deficit; /* [J] sum of m max(-u, 0) */
@@ -7406,24 +7434,32 @@ SPHPA_PRIVATE_ void sphpa_tree_walk_init_(sphpa_tree_walk_ *walk, const sphpa_tr
     walk->wrap = false;
 }
 
-/* own: the reach of the box low..high; widest: no pair of it is farther apart than this */
-SPHPA_PRIVATE_ void sphpa_tree_walk_start_(sphpa_tree_walk_ *walk, const double low[3],
-                                           const double high[3], double own, double widest,
-                                           uint32_t from) {
-    const sphpa_box *box = &walk->tree->box;
-    walk->wrap = false;
+/* own: the reach of the box low..high; nearest images are not looked at */
+SPHPA_PRIVATE_ void sphpa_tree_walk_aim_(sphpa_tree_walk_ *walk, const double low[3],
+                                         const double high[3], double own, uint32_t from) {
     for (int a = 0; a < 3; a++) {
-        double length = walk->period.length[a];
-        double room = widest + SPHPA_TREE_ROUND_ * (widest + length);
-        bool inside = low[a] - box->low[a] > room && box->high[a] - high[a] > room;
         walk->low[a] = low[a];
         walk->high[a] = high[a];
-        walk->wrap = walk->wrap || (length > 0.0 && !inside);
     }
+    walk->wrap = false;
     walk->own = own;
     walk->from = from;
     walk->stack[0] = 0;
     walk->top = 1;
+}
+
+/* the same with nearest images; widest: no pair of the box is farther apart than this */
+SPHPA_PRIVATE_ void sphpa_tree_walk_start_(sphpa_tree_walk_ *walk, const double low[3],
+                                           const double high[3], double own, double widest,
+                                           uint32_t from) {
+    const sphpa_box *box = &walk->tree->box;
+    sphpa_tree_walk_aim_(walk, low, high, own, from);
+    for (int a = 0; a < 3; a++) {
+        double length = walk->period.length[a];
+        double room = widest + SPHPA_TREE_ROUND_ * (widest + length);
+        bool inside = low[a] - box->low[a] > room && box->high[a] - high[a] > room;
+        walk->wrap = walk->wrap || (length > 0.0 && !inside);
+    }
 }
 
 SPHPA_FORCE_INLINE_ bool sphpa_tree_near_(const sphpa_tree_walk_ *walk, uint32_t at, int mode,
@@ -7564,11 +7600,20 @@ SPHPA_DEF sphpa_result sphpa_tree_coincident(const sphpa_tree *tree, size_t *i, 
 
 /* ---- all lists at once ----------------------------------------------------------------------- */
 
+#define SPHPA_TREE_TILE_ 32 /* sorted particles that share their candidates */
+
+SPHPA_DEF void sphpa_tree_image_shift(const sphpa_box *box, uint32_t image, double shift[3]) {
+    for (int a = 0; a < 3; a++, image /= 3) {
+        double length = box->periodic[a] != 0 ? box->high[a] - box->low[a] : 0.0;
+        shift[a] = image % 3 == 1 ? length : image % 3 == 2 ? -length : 0.0;
+    }
+}
+
 /* what one thread works in */
 typedef struct sphpa_tree_bench_ {
     sphpa_tree_walk_ walk;
-    double *x, *y, *z, *s2; /* (capacity) candidates of a leaf, sorted; s2: (1 + skin)^2 s^2 */
-    uint32_t *index;        /* (index_capacity) their sorted indices */
+    double *x, *y, *z, *s2; /* (capacity) candidates of a tile; s2: (1 + skin)^2 s^2 */
+    uint32_t *index;        /* (index_capacity) their entries */
     uint32_t *ranges;       /* (2 leaf_count) first and end of runs of candidates */
     uint32_t *list;         /* (list_capacity) the chunk's lists until they are complete */
     size_t capacity, index_capacity, list_capacity, used;
@@ -7591,31 +7636,28 @@ SPHPA_PRIVATE_ void sphpa_tree_bench_free_(sphpa_tree_bench_ *bench) {
     SPHPA_FREE(bench->list);
 }
 
-/* room for count candidates and the padding of the last block */
-SPHPA_PRIVATE_ bool sphpa_tree_bench_reserve_(sphpa_tree_bench_ *bench, size_t count) {
-    size_t need = count + SPHPA_TREE_LANES_;
+/* room for count candidates and the padding of the last block; `used` of them are kept */
+SPHPA_PRIVATE_ bool sphpa_tree_bench_reserve_(sphpa_tree_bench_ *bench, size_t used, size_t count) {
+    size_t need = count + SPHPA_TREE_LANES_, before = bench->capacity;
     void *block = bench->x;
     bool done = sphpa_grow_(&block, &bench->capacity, need, 4 * sizeof(double));
     bench->x = (double *)block;
     if (!done) return false;
+    for (size_t c = 4; c-- > 1 && bench->capacity > before;) /* columns move apart */
+        memmove(bench->x + c * bench->capacity, bench->x + c * before, used * sizeof(double));
     bench->y = bench->x + bench->capacity;
     bench->z = bench->y + bench->capacity;
     bench->s2 = bench->z + bench->capacity;
     return sphpa_tree_grow_u32_(&bench->index, &bench->index_capacity, need);
 }
 
-/* Runs of particles in reach of the leaf, ascending; leaves that follow each other are joined.
-   Returns the runs; *total counts particles; *wrap: some pair needs (2). */
-SPHPA_PRIVATE_ size_t sphpa_tree_runs_(sphpa_tree_bench_ *bench, const sphpa_tree_node *target,
-                                       size_t *total, bool *wrap) {
-    sphpa_tree_walk_ *walk = &bench->walk;
+/* Runs of particles in reach of what the walk is aimed at, ascending; leaves that follow each other
+   are joined. Returns the runs; *total counts particles. */
+SPHPA_PRIVATE_ size_t sphpa_tree_runs_(sphpa_tree_bench_ *bench, size_t *total) {
     const sphpa_tree_node *leaf;
     size_t runs = 0;
-    bool apart = false;
     *total = 0;
-    sphpa_tree_walk_start_(walk, target->low, target->high, walk->factor * target->support,
-                           walk->factor * walk->tree->nodes[0].support, 0);
-    while ((leaf = sphpa_tree_next_(walk, SPHPA_TREE_REACH_MAX_)) != NULL) {
+    while ((leaf = sphpa_tree_next_in_(&bench->walk, SPHPA_TREE_REACH_MAX_, false)) != NULL) {
         if (runs > 0 && bench->ranges[2 * runs - 1] == leaf->first)
             runs--;
         else
@@ -7623,82 +7665,112 @@ SPHPA_PRIVATE_ size_t sphpa_tree_runs_(sphpa_tree_bench_ *bench, const sphpa_tre
         bench->ranges[2 * runs + 1] = leaf->first + leaf->count;
         runs++;
         *total += leaf->count;
-        for (int a = 0; a < 3; a++)
-            apart = apart || leaf->high[a] - target->low[a] > walk->period.half[a] ||
-                    target->high[a] - leaf->low[a] > walk->period.half[a];
     }
-    *wrap = apart && walk->wrap;
     return runs;
 }
 
-/* Copies the particles of the runs that are in reach of the target's box: the rounded box holds
-   half of what the leaves hold. Branch-free: what is not kept is overwritten by the next one. */
-SPHPA_FORCE_INLINE_ size_t sphpa_tree_gather_(const sphpa_tree_bench_ *bench, size_t runs,
-                                              bool wrap) {
+/* Copies the particles of the runs that are in reach of the walk's box behind the m that are there:
+   the rounded box holds half of what the leaves hold. Branch-free: what is not kept is overwritten
+   by the next one. */
+SPHPA_PRIVATE_ size_t sphpa_tree_gather_(const sphpa_tree_bench_ *bench, size_t runs, size_t m,
+                                         uint32_t image, const double shift[3]) {
     const sphpa_tree_walk_ *walk = &bench->walk;
     double *SPHPA_RESTRICT x = bench->x, *SPHPA_RESTRICT y = bench->y;
     double *SPHPA_RESTRICT z = bench->z, *SPHPA_RESTRICT s2 = bench->s2;
     uint32_t *SPHPA_RESTRICT index = bench->index;
-    double low[3], high[3], length[3], own = walk->own * walk->own;
-    for (int a = 0; a < 3; a++) {
-        low[a] = walk->low[a];
-        high[a] = walk->high[a];
-        length[a] = walk->period.length[a];
-    }
-    size_t m = 0;
+    double own = walk->own * walk->own;
     for (size_t r = 0; r < runs; r++)
         for (uint32_t j = bench->ranges[2 * r]; j < bench->ranges[2 * r + 1]; j++) {
             const double *q = walk->tree->pos + 4 * (size_t)j;
             double s = walk->factor * q[3], sum = 0.0;
             for (int a = 0; a < 3; a++) {
-                double gap = wrap ? sphpa_tree_gap_image_(q[a] - high[a], q[a] - low[a], length[a])
-                                  : sphpa_tree_gap_(q[a] - high[a], q[a] - low[a]);
+                double gap = sphpa_tree_gap_(q[a] - walk->high[a], q[a] - walk->low[a]);
                 sum += gap * gap;
             }
-            x[m] = q[0];
-            y[m] = q[1];
-            z[m] = q[2];
+            x[m] = q[0] + shift[0];
+            y[m] = q[1] + shift[1];
+            z[m] = q[2] + shift[2];
             s2[m] = s * s;
-            index[m] = j;
+            index[m] = (image << SPHPA_TREE_ENTRY_BITS) | j;
             m += sum <= sphpa_max_(own, s * s) * (1.0 + SPHPA_TREE_ROUND_) ? 1u : 0u;
         }
-    for (size_t l = 0; l < SPHPA_TREE_LANES_; l++) { /* the last block computes on these in vain */
-        x[m + l] = x[0];
-        y[m + l] = y[0];
-        z[m + l] = z[0];
-        s2[m + l] = s2[0];
-        index[m + l] = 0;
-    }
     return m;
 }
 
-/* The neighbours by (3) of candidate `self` among m candidates, to out; returns how many. The sign
-   bit of r^2 - s^2 is the answer: exact, for a difference rounds to 0 only if it is 0. */
-SPHPA_FORCE_INLINE_ size_t sphpa_tree_select_(const sphpa_tree_bench_ *bench, size_t m, size_t self,
-                                              uint32_t *SPHPA_RESTRICT out, bool wrap) {
+/* the images of particles that may be in reach of a tile: bit d of axis a's mask for digit d of
+   their numbers; reach: no pair of the tile is farther apart */
+SPHPA_PRIVATE_ void sphpa_tree_images_(const sphpa_tree *tree, const sphpa_tree_node *tile,
+                                       double reach, unsigned digits[3]) {
+    for (int a = 0; a < 3; a++) {
+        const sphpa_box *box = &tree->box;
+        digits[a] = 1u;
+        if (box->periodic[a] == 0) continue;
+        double room = reach + SPHPA_TREE_ROUND_ * (reach + box->high[a] - box->low[a]);
+        if (tile->high[a] + room >= box->high[a]) digits[a] |= 2u;
+        if (tile->low[a] - room <= box->low[a]) digits[a] |= 4u;
+    }
+}
+
+/* all candidates of the tile, image by image; false: no memory */
+SPHPA_PRIVATE_ bool sphpa_tree_candidates_(sphpa_tree_bench_ *bench, const sphpa_tree_node *tile,
+                                           size_t *count) {
+    const sphpa_tree *tree = bench->walk.tree;
+    double factor = bench->walk.factor, shift[3], low[3], high[3];
+    unsigned digits[3];
+    size_t m = 0, total;
+    sphpa_tree_images_(tree, tile, factor * tree->nodes[0].support, digits);
+    for (uint32_t image = 0; image < SPHPA_TREE_IMAGES; image++) {
+        if (!((digits[0] >> (image % 3)) & (digits[1] >> (image / 3 % 3)) &
+              (digits[2] >> (image / 9)) & 1u))
+            continue;
+        sphpa_tree_image_shift(&tree->box, image, shift);
+        for (int a = 0; a < 3; a++) {
+            low[a] = tile->low[a] - shift[a];
+            high[a] = tile->high[a] - shift[a];
+        }
+        sphpa_tree_walk_aim_(&bench->walk, low, high, factor * tile->support, 0);
+        size_t runs = sphpa_tree_runs_(bench, &total);
+        if (!sphpa_tree_bench_reserve_(bench, m, m + total)) return false;
+        m = sphpa_tree_gather_(bench, runs, m, image, shift);
+    }
+    for (size_t l = 0; l < SPHPA_TREE_LANES_; l++) { /* the last block computes on these in vain */
+        bench->x[m + l] = bench->x[0];
+        bench->y[m + l] = bench->y[0];
+        bench->z[m + l] = bench->z[0];
+        bench->s2[m + l] = bench->s2[0];
+        bench->index[m + l] = 0;
+    }
+    *count = m;
+    return true;
+}
+
+/* The candidates that are near, by (3), to one of the group's particles first .. end - 1, to out;
+   returns how many. The sign bit of r^2 - s^2 is the answer: exact, for a difference rounds to 0
+   only if it is 0. */
+SPHPA_PRIVATE_ size_t sphpa_tree_select_(const sphpa_tree_bench_ *bench, size_t m, size_t first,
+                                         size_t end, uint32_t *SPHPA_RESTRICT out) {
     const double *SPHPA_RESTRICT x = bench->x, *SPHPA_RESTRICT y = bench->y;
     const double *SPHPA_RESTRICT z = bench->z, *SPHPA_RESTRICT s2 = bench->s2;
     const uint32_t *SPHPA_RESTRICT index = bench->index;
-    const double *L = bench->walk.period.length, *half = bench->walk.period.half;
-    double px = x[self], py = y[self], pz = z[self], own = s2[self];
-    double Lx = L[0], Ly = L[1], Lz = L[2], hx = half[0], hy = half[1], hz = half[2];
+    const double *pos = bench->walk.tree->pos;
+    double factor = bench->walk.factor;
     size_t count = 0;
     for (size_t b = 0; b < m; b += SPHPA_TREE_LANES_) {
         double d[SPHPA_TREE_LANES_];
-        SPHPA_SIMD
-        for (int l = 0; l < SPHPA_TREE_LANES_; l++) {
-            double dx = px - x[b + (size_t)l], dy = py - y[b + (size_t)l];
-            double dz = pz - z[b + (size_t)l], theirs = s2[b + (size_t)l];
-            if (wrap) {
-                dx = sphpa_tree_image_(dx, Lx, hx);
-                dy = sphpa_tree_image_(dy, Ly, hy);
-                dz = sphpa_tree_image_(dz, Lz, hz);
+        for (int l = 0; l < SPHPA_TREE_LANES_; l++) d[l] = 1.0;
+        for (size_t k = first; k < end; k++) {
+            const double *p = pos + 4 * k;
+            double px = p[0], py = p[1], pz = p[2], own = (factor * p[3]) * (factor * p[3]);
+            SPHPA_SIMD
+            for (int l = 0; l < SPHPA_TREE_LANES_; l++) {
+                double dx = px - x[b + (size_t)l], dy = py - y[b + (size_t)l];
+                double dz = pz - z[b + (size_t)l], theirs = s2[b + (size_t)l];
+                double far = dx * dx + dy * dy + dz * dz - (own > theirs ? own : theirs);
+                d[l] = far < d[l] ? far : d[l];
             }
-            d[l] = dx * dx + dy * dy + dz * dz - (own > theirs ? own : theirs);
         }
-        if (self - b < SPHPA_TREE_LANES_) d[self - b] = 1.0; /* not one's own neighbour */
-        size_t end = m - b < SPHPA_TREE_LANES_ ? m - b : SPHPA_TREE_LANES_;
-        for (size_t l = 0; l < end; l++) {
+        size_t lanes = m - b < SPHPA_TREE_LANES_ ? m - b : SPHPA_TREE_LANES_;
+        for (size_t l = 0; l < lanes; l++) {
             uint64_t bits;
             memcpy(&bits, &d[l], sizeof bits);
             out[count] = index[b + l];
@@ -7708,58 +7780,39 @@ SPHPA_FORCE_INLINE_ size_t sphpa_tree_select_(const sphpa_tree_bench_ *bench, si
     return count;
 }
 
-/* the lists of the leaf's particles in [first, end), appended to the thread's own */
-SPHPA_PRIVATE_ bool sphpa_tree_list_leaf_(sphpa_tree_bench_ *bench, const sphpa_tree_node *leaf,
-                                          size_t first, size_t end, sphpa_tree_lists *lists) {
-    size_t total, self = 0;
-    bool wrap;
-    size_t runs = sphpa_tree_runs_(bench, leaf, &total, &wrap);
-    if (!sphpa_tree_bench_reserve_(bench, total)) return false;
-    size_t m = wrap ? sphpa_tree_gather_(bench, runs, true)
-                    : sphpa_tree_gather_(bench, runs, false);
-    while (bench->index[self] != first) self++;
-    for (size_t k = first; k < end; k++, self++) {
+/* the lists of the groups of the tile's particles, appended to the thread's own */
+SPHPA_PRIVATE_ bool sphpa_tree_list_tile_(sphpa_tree_bench_ *bench, size_t first, size_t end,
+                                          sphpa_tree_lists *lists) {
+    sphpa_tree_node tile;
+    size_t m;
+    tile.first = (uint32_t)first;
+    tile.count = (uint32_t)(end - first);
+    sphpa_tree_tighten_(bench->walk.tree, &tile);
+    if (!sphpa_tree_candidates_(bench, &tile, &m)) return false;
+    for (size_t k = first; k < end; k += lists->group) {
         if (!sphpa_tree_grow_u32_(&bench->list, &bench->list_capacity, bench->used + m + 1))
             return false;
-        uint32_t *out = bench->list + bench->used;
-        size_t count = wrap ? sphpa_tree_select_(bench, m, self, out, true)
-                            : sphpa_tree_select_(bench, m, self, out, false);
+        size_t last = k + lists->group < end ? k + lists->group : end, g = k / lists->group;
+        size_t count = sphpa_tree_select_(bench, m, k, last, bench->list + bench->used);
         if (bench->used > UINT32_MAX) return false;
-        lists->first[k] = (uint32_t)bench->used;
-        lists->count[k] = (uint32_t)count;
+        lists->first[g] = (uint32_t)bench->used;
+        lists->count[g] = (uint32_t)count;
         bench->used += count;
     }
     return true;
-}
-
-/* the leaf that holds sorted particle k */
-SPHPA_PRIVATE_ size_t sphpa_tree_leaf_of_(const sphpa_tree *tree, size_t k) {
-    size_t low = 0, high = tree->leaf_count - 1;
-    while (low < high) {
-        size_t middle = low + (high - low + 1) / 2;
-        if (tree->nodes[tree->leaves[middle]].first <= k)
-            low = middle;
-        else
-            high = middle - 1;
-    }
-    return low;
 }
 
 /* The lists are made in the thread's buffer and then copied to one that fits: growing a buffer a
    chunk would cost half as much memory again. */
 SPHPA_PRIVATE_ bool sphpa_tree_list_chunk_(sphpa_tree_bench_ *bench, size_t c,
                                            sphpa_tree_lists *lists) {
-    const sphpa_tree *tree = bench->walk.tree;
     sphpa_tree_chunk *chunk = lists->chunks + c;
     size_t first = c << SPHPA_TREE_CHUNK_SHIFT, end = first + SPHPA_TREE_CHUNK;
-    if (end > tree->n) end = tree->n;
+    if (end > lists->n) end = lists->n;
     bench->used = 0;
-    for (size_t l = sphpa_tree_leaf_of_(tree, first); first < end; l++) {
-        const sphpa_tree_node *leaf = tree->nodes + tree->leaves[l];
-        size_t leaf_end = (size_t)leaf->first + leaf->count;
-        if (leaf_end > end) leaf_end = end;
-        if (!sphpa_tree_list_leaf_(bench, leaf, first, leaf_end, lists)) return false;
-        first = leaf_end;
+    for (; first < end; first += SPHPA_TREE_TILE_) {
+        size_t last = first + SPHPA_TREE_TILE_ < end ? first + SPHPA_TREE_TILE_ : end;
+        if (!sphpa_tree_list_tile_(bench, first, last, lists)) return false;
     }
     if (chunk->capacity < bench->used) {
         SPHPA_FREE(chunk->index);
@@ -7800,8 +7853,8 @@ SPHPA_PRIVATE_ bool sphpa_tree_lists_reserve_(sphpa_tree_lists *lists, size_t n)
     if (lists->chunk_capacity > before)
         memset(lists->chunks + before, 0,
                (lists->chunk_capacity - before) * sizeof(sphpa_tree_chunk));
-    return done && sphpa_tree_grow_u32_(&lists->first, &lists->first_capacity, n) &&
-           sphpa_tree_grow_u32_(&lists->count, &lists->count_capacity, n);
+    return done && sphpa_tree_grow_u32_(&lists->first, &lists->first_capacity, lists->groups) &&
+           sphpa_tree_grow_u32_(&lists->count, &lists->count_capacity, lists->groups);
 }
 
 SPHPA_PRIVATE_ sphpa_result sphpa_tree_check_skin_(const sphpa_tree *tree, double skin,
@@ -7830,26 +7883,42 @@ SPHPA_PRIVATE_ sphpa_result sphpa_tree_check_skin_(const sphpa_tree *tree, doubl
     return SPHPA_OK;
 }
 
-SPHPA_DEF sphpa_result sphpa_tree_lists_build(const sphpa_tree *tree, double skin,
-                                              sphpa_tree_lists *lists, sphpa_error *err) {
+SPHPA_PRIVATE_ sphpa_result sphpa_tree_check_lists_(const sphpa_tree *tree, double skin,
+                                                    size_t group, const sphpa_tree_lists *lists,
+                                                    sphpa_error *err) {
     if (tree == NULL || lists == NULL)
         return sphpa_error_set(err, SPHPA_ERROR_MISSING, "sphpa_tree_lists_build: no %s",
                                tree == NULL ? "tree" : "lists");
     if (tree->n == 0)
         return sphpa_error_set(err, SPHPA_ERROR_EMPTY,
                                "sphpa_tree_lists_build: the tree is empty; build it first");
-    sphpa_result result = sphpa_tree_check_skin_(tree, skin, err);
+    if (group < 1 || group > 16 || (group & (group - 1)) != 0)
+        return sphpa_error_set(err, SPHPA_ERROR_RANGE,
+                               "sphpa_tree_lists_build: groups of %zu; give 1, 2, 4, 8 or 16",
+                               group);
+    if (tree->n > (size_t)1 << SPHPA_TREE_ENTRY_BITS)
+        return sphpa_error_set(err, SPHPA_ERROR_RANGE,
+                               "sphpa_tree_lists_build: %zu particles; at most 2^%d can be listed",
+                               tree->n, SPHPA_TREE_ENTRY_BITS);
+    return sphpa_tree_check_skin_(tree, skin, err);
+}
+
+SPHPA_DEF sphpa_result sphpa_tree_lists_build(const sphpa_tree *tree, double skin, size_t group,
+                                              sphpa_tree_lists *lists, sphpa_error *err) {
+    sphpa_result result = sphpa_tree_check_lists_(tree, skin, group, lists, err);
     if (result != SPHPA_OK) return result;
-    lists->n = lists->pairs = lists->chunk_count = 0;
+    lists->n = lists->entries = lists->chunk_count = 0;
+    lists->group = group;
+    lists->groups = (tree->n + group - 1) / group;
     if (!sphpa_tree_lists_reserve_(lists, tree->n))
         return sphpa_tree_no_memory_(err, "sphpa_tree_lists_build", tree->n);
+    lists->n = tree->n;
     lists->chunk_count = (tree->n + SPHPA_TREE_CHUNK - 1) >> SPHPA_TREE_CHUNK_SHIFT;
     if (!sphpa_tree_list_all_(tree, 1.0 + skin, lists)) {
-        lists->chunk_count = 0;
+        lists->n = lists->chunk_count = 0;
         return sphpa_tree_no_memory_(err, "sphpa_tree_lists_build", tree->n);
     }
-    for (size_t c = 0; c < lists->chunk_count; c++) lists->pairs += lists->chunks[c].used;
-    lists->n = tree->n;
+    for (size_t c = 0; c < lists->chunk_count; c++) lists->entries += lists->chunks[c].used;
     lists->skin = skin;
     return SPHPA_OK;
 }
@@ -7872,16 +7941,16 @@ SPHPA_DEF size_t sphpa_tree_lists_bytes(const sphpa_tree_lists *lists) {
     return bytes;
 }
 
-SPHPA_FORCE_INLINE_ const uint32_t *sphpa_tree_list_of_(const sphpa_tree_lists *lists, size_t k,
+SPHPA_FORCE_INLINE_ const uint32_t *sphpa_tree_list_of_(const sphpa_tree_lists *lists, size_t g,
                                                         uint32_t *count) {
-    *count = lists->count[k];
-    return lists->chunks[k >> SPHPA_TREE_CHUNK_SHIFT].index + lists->first[k];
+    *count = lists->count[g];
+    return lists->chunks[(g * lists->group) >> SPHPA_TREE_CHUNK_SHIFT].index + lists->first[g];
 }
 
-SPHPA_DEF const uint32_t *sphpa_tree_list_of(const sphpa_tree_lists *lists, size_t k,
+SPHPA_DEF const uint32_t *sphpa_tree_list_of(const sphpa_tree_lists *lists, size_t g,
                                              size_t *count) {
     uint32_t length = 0;
-    const uint32_t *list = sphpa_tree_list_of_(lists, k, &length);
+    const uint32_t *list = sphpa_tree_list_of_(lists, g, &length);
     *count = length;
     return list;
 }
@@ -8399,8 +8468,174 @@ SPHPA_EXTERN_C_BEGIN_
    >>sph   implementation
    ============================================================================================== */
 
+#ifdef SPHPA_FLOAT
+#define SPHPA_SQRT_(x) sqrtf(x)
+#define SPHPA_TINY_ 1e-37f
+#else
+#define SPHPA_SQRT_(x) sqrt(x)
+#define SPHPA_TINY_ 1e-300
+#endif
 #define SPHPA_BLOCK_ 256 /* particles a block: the unit of parallel loops and of sums */
 #define SPHPA_FEW_ 4     /* so few blocks are done by one thread: starting more costs more */
+
+/* ---- lanes ----------------------------------------------------------------------------------- */
+
+/* Pair loops put SPHPA_LANES_ particles that follow each other in the tree's order, a group, into
+   the lanes of a vector and take their common list (see >>tree) one neighbour after the other:
+
+       sphpa_lanes_ x[3], d[3], sum = sphpa_lanes_of_(0);
+       sphpa_lanes_own_x_(near, x);
+       for (size_t k = 0; k < near->entries; k++) {
+           const my_record *j = ... records[SPHPA_TREE_ENTRY_INDEX(near->list[k])];
+           sphpa_lanes_apart_(near, near->list[k], j->x, x, d);      d = x_i - x_j
+           sum += j->m * something of d;                             one number against all lanes
+       }
+
+   A neighbour's numbers are read once for all lanes, nothing is gathered, and no sum crosses lanes.
+   Not every lane's particle is within reach of every entry: kernels are 0 beyond their support, and
+   what is no sum needs a mask. Lanes beyond `count` repeat the last particle; do not write them.
+   Vectors are those of GNU C; where there are none, or with SPHPA_NO_VECTORS, a group is one
+   particle. Fused multiply-adds come with -ffp-contract=fast, the default of gnu11. */
+#if defined(SPHPA_NO_VECTORS) || !(defined(__GNUC__) || defined(__clang__))
+#define SPHPA_VECTOR_BYTES_ 0
+#elif defined(__AVX__)
+#define SPHPA_VECTOR_BYTES_ 32
+#elif defined(__SSE2__) || defined(__ARM_NEON) || defined(__ALTIVEC__)
+#define SPHPA_VECTOR_BYTES_ 16
+#else
+#define SPHPA_VECTOR_BYTES_ 0
+#endif
+
+#if SPHPA_VECTOR_BYTES_ > 0
+#ifdef SPHPA_FLOAT
+typedef int32_t sphpa_lane_bits_;
+#else
+typedef int64_t sphpa_lane_bits_;
+#endif
+typedef sphpa_real sphpa_lanes_ __attribute__((vector_size(SPHPA_VECTOR_BYTES_)));
+typedef sphpa_lane_bits_ sphpa_mask_ __attribute__((vector_size(SPHPA_VECTOR_BYTES_)));
+#define SPHPA_LANES_ ((size_t)SPHPA_VECTOR_BYTES_ / sizeof(sphpa_real))
+#define SPHPA_LANE_(v, l) ((v)[l])
+/* a where the mask is set, else 0 */
+#define SPHPA_LANES_IF_(mask, a) ((sphpa_lanes_)((sphpa_mask_)(mask) & (sphpa_mask_)(a)))
+#else
+typedef sphpa_real sphpa_lanes_;
+typedef int sphpa_mask_;
+#define SPHPA_LANES_ ((size_t)1)
+#define SPHPA_LANE_(v, l) (*((void)(l), &(v)))
+#define SPHPA_LANES_IF_(mask, a) ((mask) ? (a) : SPHPA_R(0.0))
+#endif
+
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_of_(sphpa_real a) {
+#if SPHPA_VECTOR_BYTES_ > 0
+    sphpa_lanes_ zero = {0};
+    return zero + a;
+#else
+    return a;
+#endif
+}
+
+/* a where the mask is set, b elsewhere */
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_pick_(sphpa_mask_ mask, sphpa_lanes_ a,
+                                                   sphpa_lanes_ b) {
+#if SPHPA_VECTOR_BYTES_ > 0
+    return (sphpa_lanes_)((mask & (sphpa_mask_)a) | (~mask & (sphpa_mask_)b));
+#else
+    return mask ? a : b;
+#endif
+}
+
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_max_(sphpa_lanes_ a, sphpa_lanes_ b) {
+    return sphpa_lanes_pick_((sphpa_mask_)(a > b), a, b);
+}
+
+/* max(a, 0) and min(a, 0); 0 for NaN */
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_above_(sphpa_lanes_ a) {
+    return SPHPA_LANES_IF_(a > SPHPA_R(0.0), a);
+}
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_below_(sphpa_lanes_ a) {
+    return SPHPA_LANES_IF_(a < SPHPA_R(0.0), a);
+}
+
+/* through memory, else gcc 12 takes the vector apart and makes no vector of it again */
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_sqrt_(sphpa_lanes_ a) {
+    sphpa_real t[SPHPA_LANES_];
+    memcpy(t, &a, sizeof a);
+    for (size_t l = 0; l < SPHPA_LANES_; l++) t[l] = SPHPA_SQRT_(t[l]);
+    memcpy(&a, t, sizeof a);
+    return a;
+}
+
+/* lane l's particle */
+SPHPA_FORCE_INLINE_ size_t sphpa_lanes_particle_(const sphpa_group *near, size_t l) {
+    return near->first + (l < near->count ? l : near->count - 1);
+}
+
+/* the group's own numbers: at(i) is the address of particle i's, `stride` bytes apart */
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_load_(const sphpa_group *near, const void *base,
+                                                   size_t stride) {
+    sphpa_lanes_ a = sphpa_lanes_of_(SPHPA_R(0.0));
+    for (size_t l = 0; l < SPHPA_LANES_; l++) {
+        const char *at = (const char *)base + sphpa_lanes_particle_(near, l) * stride;
+        SPHPA_LANE_(a, l) = *(const sphpa_real *)(const void *)at;
+    }
+    return a;
+}
+
+/* the group's own positions, relative to its centre; records begin with x */
+SPHPA_FORCE_INLINE_ void sphpa_lanes_own_x_(const sphpa_group *near, size_t stride,
+                                            sphpa_lanes_ x[3]) {
+    for (int a = 0; a < 3; a++) {
+        x[a] = sphpa_lanes_of_(SPHPA_R(0.0));
+        for (size_t l = 0; l < SPHPA_LANES_; l++) {
+            const char *at = near->records + sphpa_lanes_particle_(near, l) * stride;
+            const double *from = (const double *)(const void *)at;
+            SPHPA_LANE_(x[a], l) = (sphpa_real)(from[a] - near->centre[0][a]);
+        }
+    }
+}
+
+/* d = x_i - x_j of all lanes; returns r^2 */
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_apart_(const sphpa_group *near, uint32_t entry,
+                                                    const double xj[3], const sphpa_lanes_ x[3],
+                                                    sphpa_lanes_ d[3]) {
+    const double *centre = near->centre[SPHPA_TREE_ENTRY_IMAGE(entry)];
+    for (int a = 0; a < 3; a++) d[a] = x[a] - (sphpa_real)(xj[a] - centre[a]);
+    return d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+}
+
+/* 1/r, 0 where r = 0; so small an addition is lost in any other r^2 */
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_per_r_(sphpa_lanes_ r, sphpa_lanes_ r2) {
+    return r / (r2 + SPHPA_TINY_);
+}
+
+/* w(q) and w'(q) of the kernels (see >>kernel), not normalised; 0 beyond the support. W' loses
+   digits where q is small, to the last one of its largest value: there it counts for nothing. */
+SPHPA_FORCE_INLINE_ void sphpa_lanes_cubic_(sphpa_lanes_ q, sphpa_lanes_ *w, sphpa_lanes_ *dw) {
+    sphpa_lanes_ a = sphpa_lanes_above_(SPHPA_R(2.0) - q), b = sphpa_lanes_above_(SPHPA_R(1.0) - q);
+    sphpa_lanes_ aa = a * a, bb = b * b;
+    *w = SPHPA_R(0.25) * (aa * a) - bb * b;
+    *dw = SPHPA_R(3.0) * bb - SPHPA_R(0.75) * aa;
+}
+
+SPHPA_NO_INLINE_ void sphpa_lanes_shape_(int shape, const sphpa_lanes_ *at, sphpa_lanes_ *w,
+                                         sphpa_lanes_ *dw) {
+    sphpa_real q[SPHPA_LANES_], f[SPHPA_LANES_], df[SPHPA_LANES_];
+    memcpy(q, at, sizeof *at);
+    for (size_t l = 0; l < SPHPA_LANES_; l++) {
+        f[l] = (sphpa_real)sphpa_kernel_value_(shape, 0, (double)q[l]);
+        df[l] = (sphpa_real)sphpa_kernel_value_(shape, 1, (double)q[l]);
+    }
+    memcpy(w, f, sizeof *w);
+    memcpy(dw, df, sizeof *dw);
+}
+
+/* shape 0 is the cubic spline: let the compiler know it where it counts */
+SPHPA_FORCE_INLINE_ void sphpa_lanes_kernel_(int shape, sphpa_lanes_ q, sphpa_lanes_ *w,
+                                             sphpa_lanes_ *dw) {
+    if (shape == 0) sphpa_lanes_cubic_(q, w, dw);
+    else sphpa_lanes_shape_(shape, &q, w, dw);
+}
 
 /* Arrays of one thread for the neighbours of one particle. */
 typedef struct sphpa_pair_buffer_ {
@@ -8416,6 +8651,7 @@ struct sphpa_work {
     sphpa_pair_buffer_ *buffer; /* (threads) */
     size_t longest;             /* most neighbours in a list */
     double *point;              /* (n,4) x y z h, as this traversal found them */
+    double shift[SPHPA_TREE_IMAGES][3]; /* [m] of the images */
     double *support;            /* (n) for the tree */
     double moved_max;           /* [m] farthest that a particle moved since the lists were built */
     bool lists_valid;
@@ -8477,7 +8713,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_pass_check_(const sphpa_sim *sim, const sphpa_
     if (pass->name == NULL)
         return sphpa_error_set(err, SPHPA_ERROR_RANGE, "a pass has no name; give it one");
     bool function = (pass->kind == SPHPA_PASS_PARTICLE && pass->particle != NULL) ||
-                    (pass->kind == SPHPA_PASS_PAIR && pass->pair != NULL) ||
+                    (pass->kind == SPHPA_PASS_PAIR &&
+                     (pass->pair != NULL) != (pass->group != NULL)) ||
                     (pass->kind == SPHPA_PASS_REDUCE && pass->limit != NULL);
     bool limits = pass->kind == SPHPA_PASS_REDUCE, at_limit = pass->stage == SPHPA_STAGE_LIMIT;
     bool resizes = pass->stage == SPHPA_STAGE_RESIZE && pass->kind != SPHPA_PASS_PARTICLE;
@@ -8762,6 +8999,57 @@ SPHPA_PRIVATE_ bool sphpa_sim_lists_hold_(sphpa_sim *sim) {
     return true;
 }
 
+/* the group that begins with particle `first`; x [m] is where that one is */
+SPHPA_PRIVATE_ void sphpa_group_at_(const sphpa_sim *sim, size_t first, const double x[3],
+                                    double centre[SPHPA_TREE_IMAGES][3], sphpa_group *group) {
+    uint32_t count = 0;
+    size_t left = sim->lists.n - first;
+    group->first = first;
+    group->count = left < SPHPA_LANES_ ? left : SPHPA_LANES_;
+    group->list = sphpa_tree_list_of_(&sim->lists, first / SPHPA_LANES_, &count);
+    group->entries = count;
+    group->centre = (const double (*)[3])centre;
+    uint32_t images = SPHPA_TREE_ENTRY_IMAGE(group->list[count - 1]); /* they come in order */
+    for (uint32_t image = 0; image <= images; image++)
+        for (int a = 0; a < 3; a++) centre[image][a] = x[a] - sim->work->shift[image][a];
+}
+
+/* pairs of one chunk of new lists that are within the supports */
+SPHPA_PRIVATE_ double sphpa_count_chunk_(const sphpa_sim *sim, size_t chunk) {
+    double centre[SPHPA_TREE_IMAGES][3], sum = 0.0;
+    size_t end = (chunk + 1) * SPHPA_TREE_CHUNK, stride = 4 * sizeof(double);
+    if (end > sim->lists.n) end = sim->lists.n;
+    for (size_t i = chunk * SPHPA_TREE_CHUNK; i < end; i += SPHPA_LANES_) {
+        sphpa_group near;
+        sphpa_lanes_ x[3], d[3], count = sphpa_lanes_of_(SPHPA_R(0.0)), own = count;
+        sphpa_group_at_(sim, i, sim->tree.pos + 4 * i, centre, &near);
+        near.records = (const char *)sim->tree.pos;
+        sphpa_lanes_own_x_(&near, stride, x);
+        for (size_t l = 0; l < SPHPA_LANES_; l++)
+            SPHPA_LANE_(own, l) =
+                (sphpa_real)sim->tree.pos[4 * sphpa_lanes_particle_(&near, l) + 3];
+        for (size_t k = 0; k < near.entries; k++) {
+            const double *xj = sim->tree.pos + 4 * (size_t)SPHPA_TREE_ENTRY_INDEX(near.list[k]);
+            sphpa_lanes_ r2 = sphpa_lanes_apart_(&near, near.list[k], xj, x, d);
+            sphpa_lanes_ s = sphpa_lanes_max_(own, sphpa_lanes_of_((sphpa_real)xj[3]));
+            count += SPHPA_LANES_IF_(r2 < s * s, sphpa_lanes_of_(SPHPA_R(1.0)));
+        }
+        for (size_t l = 0; l < near.count; l++) sum += (double)SPHPA_LANE_(count, l) - 1.0;
+    }
+    return sum;
+}
+
+/* neighbours_mean of new lists */
+SPHPA_PRIVATE_ void sphpa_sim_count_(sphpa_sim *sim) {
+    long chunks = (long)sim->lists.chunk_count;
+    double sum = 0.0;
+    SPHPA_OMP(parallel for schedule(dynamic, 1) if (chunks > 2))
+    for (long c = 0; c < chunks; c++)
+        sim->work->block_sum[c] = sphpa_count_chunk_(sim, (size_t)c); /* fewer than blocks */
+    for (long c = 0; c < chunks; c++) sum += sim->work->block_sum[c];
+    sim->stats.neighbours_mean = sum / (double)sim->p.n;
+}
+
 SPHPA_PRIVATE_ sphpa_result sphpa_sim_build_tree_(sphpa_sim *sim, sphpa_error *err) {
     double start = sphpa_wall_clock(), support = sphpa_kernel_support(sim->options.kernel);
     struct sphpa_work *work = sim->work;
@@ -8789,13 +9077,16 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_rebuild_(sphpa_sim *sim, sphpa_error *err)
     if (result != SPHPA_OK) return result;
     sphpa_sim_time_(sim, SPHPA_TIME_TREE_SORT, start);
     start = sphpa_wall_clock();
-    result = sphpa_tree_lists_build(&sim->tree, sim->options.skin, &sim->lists, err);
+    result = sphpa_tree_lists_build(&sim->tree, sim->options.skin, SPHPA_LANES_, &sim->lists, err);
     if (result != SPHPA_OK) return result;
     size_t longest = 0;
-    for (size_t k = 0; k < sim->p.n; k++)
-        if (sim->lists.count[k] > longest) longest = sim->lists.count[k];
+    for (size_t g = 0; g < sim->lists.groups; g++)
+        if (sim->lists.count[g] > longest) longest = sim->lists.count[g];
     if (!sphpa_work_buffers_(sim->work, longest))
         return sphpa_error_set(err, SPHPA_ERROR_MEMORY, "no memory for %zu neighbours", longest);
+    for (uint32_t image = 0; image < SPHPA_TREE_IMAGES; image++)
+        sphpa_tree_image_shift(&sim->tree.box, image, sim->work->shift[image]);
+    sphpa_sim_count_(sim);
     sim->work->lists_valid = true;
     sim->work->moved_max = 0.0;
     sim->stats.rebuilds++;
@@ -8844,32 +9135,38 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_neighbours_(sphpa_sim *sim, sphpa_error *e
 
 /* ---- traversals ------------------------------------------------------------------------------ */
 
-/* dx of the listed ones within the supports, into the buffer; which axes wrap is a constant */
-SPHPA_FORCE_INLINE_ size_t sphpa_filter_body_(const sphpa_sim *sim, size_t i, const uint32_t *list,
-                                              size_t count, sphpa_pair_buffer_ *buffer,
-                                              sphpa_neighbours *near, bool wraps, bool all) {
+/* [m] where particle i is, not put back into a periodic box since the lists were built: images of
+   the lists stay good */
+SPHPA_FORCE_INLINE_ void sphpa_sim_position_(const sphpa_sim *sim, size_t i, double x[3]) {
+    const sphpa_box *box = &sim->options.box;
+    for (int a = 0; a < 3; a++) {
+        x[a] = a < sim->p.dim ? sim->p.x[3 * i + (size_t)a] : 0.0;
+        if (a >= sim->p.dim || !box->periodic[a]) continue;
+        double was = sim->tree.pos[4 * i + (size_t)a];
+        x[a] = was + sphpa_tree_dx_(&sim->tree.box, a, x[a] - was);
+    }
+}
+
+/* particle i's neighbours within the supports, or all that are listed, into the buffer */
+SPHPA_PRIVATE_ void sphpa_filter_(const sphpa_sim *sim, const sphpa_group *group, size_t i,
+                                  sphpa_pair_buffer_ *buffer, sphpa_neighbours *near, bool all) {
     const double *point = sim->work->point, *own = point + 4 * i;
     double *dx = buffer->numbers, *dy = dx + buffer->capacity, *dz = dy + buffer->capacity;
     double *r = dz + buffer->capacity, *h = r + buffer->capacity;
     double reach = sphpa_kernel_support(sim->options.kernel);
     size_t n = 0;
-    for (size_t k = 0; k < count; k++) {
-        uint32_t j = list[k];
+    for (size_t k = 0; k < group->entries; k++) {
+        uint32_t j = SPHPA_TREE_ENTRY_INDEX(group->list[k]);
         const double *other = point + 4 * (size_t)j;
-        double ax = own[0] - other[0], ay = own[1] - other[1], az = own[2] - other[2];
-        if (wraps) {
-            ax = sphpa_tree_dx_(&sim->tree.box, 0, ax);
-            ay = sphpa_tree_dx_(&sim->tree.box, 1, ay);
-            az = sphpa_tree_dx_(&sim->tree.box, 2, az);
-        }
-        double r2 = ax * ax + ay * ay + az * az, support = reach * sphpa_max_(own[3], other[3]);
-        buffer->j[n] = j;
-        dx[n] = ax;
-        dy[n] = ay;
-        dz[n] = az;
-        r[n] = r2;
+        const double *shift = sim->work->shift[SPHPA_TREE_ENTRY_IMAGE(group->list[k])];
+        dx[n] = own[0] - other[0] - shift[0];
+        dy[n] = own[1] - other[1] - shift[1];
+        dz[n] = own[2] - other[2] - shift[2];
+        double support = reach * sphpa_max_(own[3], other[3]);
+        r[n] = dx[n] * dx[n] + dy[n] * dy[n] + dz[n] * dz[n];
         h[n] = other[3];
-        n += (all || r2 < support * support) ? 1u : 0u;
+        buffer->j[n] = j;
+        n += j != i && (all || r[n] < support * support) ? 1u : 0u;
     }
     for (size_t k = 0; k < n; k++) r[k] = sqrt(r[k]);
     near->i = i;
@@ -8881,31 +9178,21 @@ SPHPA_FORCE_INLINE_ size_t sphpa_filter_body_(const sphpa_sim *sim, size_t i, co
     near->r = r;
     near->h = h;
     for (int s = 0; s < 4; s++) near->scratch[s] = h + (size_t)(s + 1) * buffer->capacity;
-    return n;
-}
-
-SPHPA_PRIVATE_ void sphpa_filter_(const sphpa_sim *sim, size_t i, sphpa_pair_buffer_ *buffer,
-                                  sphpa_neighbours *near, bool all) {
-    uint32_t count = 0;
-    const uint32_t *list = sphpa_tree_list_of_(&sim->lists, i, &count);
-    const int *wraps = sim->tree.box.periodic;
-    if (wraps[0] || wraps[1] || wraps[2])
-        sphpa_filter_body_(sim, i, list, count, buffer, near, true, all);
-    else sphpa_filter_body_(sim, i, list, count, buffer, near, false, all);
 }
 
 /* which pass's records lie where; 0 bytes where a pass has none */
-typedef struct sphpa_group_ {
+typedef struct sphpa_shared_ {
     int first, last; /* passes [first, last) */
+    bool one_by_one; /* some of them take one particle at a time */
     size_t offset[SPHPA_SCENE_PASSES];
-} sphpa_group_;
+} sphpa_shared_;
 
-SPHPA_PRIVATE_ sphpa_result sphpa_group_pack_(sphpa_sim *sim, sphpa_group_ *group,
+SPHPA_PRIVATE_ sphpa_result sphpa_shared_pack_(sphpa_sim *sim, sphpa_shared_ *shared,
                                               sphpa_error *err) {
     struct sphpa_work *work = sim->work;
     size_t bytes = 0, n = sim->p.n;
-    for (int k = group->first; k < group->last; k++) {
-        group->offset[k] = bytes;
+    for (int k = shared->first; k < shared->last; k++) {
+        shared->offset[k] = bytes;
         bytes += (n * sim->pass[k]->record_bytes + 63) / 64 * 64;
     }
     if (bytes + 64 > work->records_bytes) {
@@ -8918,11 +9205,11 @@ SPHPA_PRIVATE_ sphpa_result sphpa_group_pack_(sphpa_sim *sim, sphpa_group_ *grou
         work->records_bytes = bytes + 64;
     }
     size_t skew = (size_t)((uintptr_t)work->records % 64);
-    for (int k = group->first; k < group->last; k++) {
-        group->offset[k] += skew ? 64 - skew : 0;
+    for (int k = shared->first; k < shared->last; k++) {
+        shared->offset[k] += skew ? 64 - skew : 0;
         const sphpa_pass *pass = sim->pass[k];
         if (pass->pack == NULL) continue;
-        char *records = work->records + group->offset[k];
+        char *records = work->records + shared->offset[k];
         long blocks = (long)sphpa_blocks_(n);
         SPHPA_OMP(parallel for schedule(static) if (blocks > SPHPA_FEW_))
         for (long block = 0; block < blocks; block++)
@@ -8932,46 +9219,64 @@ SPHPA_PRIVATE_ sphpa_result sphpa_group_pack_(sphpa_sim *sim, sphpa_group_ *grou
     return SPHPA_OK;
 }
 
-/* one chunk of the lists: neighbours of each particle once, then every pass of the group */
-SPHPA_PRIVATE_ void sphpa_group_chunk_(sphpa_sim *sim, const sphpa_group_ *group, size_t chunk) {
-    sphpa_pair_buffer_ *buffer = &sim->work->buffer[sphpa_thread_()];
+/* one group of particles: every pass that takes them together, then those that take one by one */
+SPHPA_PRIVATE_ void sphpa_shared_group_(sphpa_sim *sim, const sphpa_shared_ *shared,
+                                        sphpa_group *group, sphpa_pair_buffer_ *buffer) {
     sphpa_neighbours near;
-    size_t end = (chunk + 1) * SPHPA_TREE_CHUNK;
-    if (end > sim->p.n) end = sim->p.n;
-    for (size_t i = chunk * SPHPA_TREE_CHUNK; i < end; i++) {
+    for (int k = shared->first; k < shared->last; k++) {
+        if (sim->pass[k]->group == NULL) continue;
+        group->records = sim->work->records + shared->offset[k];
+        sim->pass[k]->group(sim, sim->pass_params[k], group);
+    }
+    for (size_t i = group->first; i < group->first + group->count && shared->one_by_one; i++) {
         int filtered = -1; /* neither way so far */
-        for (int k = group->first; k < group->last; k++) {
+        for (int k = shared->first; k < shared->last; k++) {
             const sphpa_pass *pass = sim->pass[k];
             int all = pass->unfiltered != 0;
-            if (filtered != all) sphpa_filter_(sim, i, buffer, &near, all != 0);
+            if (pass->pair == NULL) continue;
+            if (filtered != all) sphpa_filter_(sim, group, i, buffer, &near, all != 0);
             filtered = all;
-            near.records = sim->work->records + group->offset[k];
+            near.records = sim->work->records + shared->offset[k];
             pass->pair(sim, sim->pass_params[k], &near);
             if (!all) buffer->pairs += near.count, buffer->targets++;
         }
     }
 }
 
+/* one chunk of the lists, group by group */
+SPHPA_PRIVATE_ void sphpa_shared_chunk_(sphpa_sim *sim, const sphpa_shared_ *shared, size_t chunk) {
+    sphpa_pair_buffer_ *buffer = &sim->work->buffer[sphpa_thread_()];
+    double centre[SPHPA_TREE_IMAGES][3];
+    sphpa_group group;
+    size_t end = (chunk + 1) * SPHPA_TREE_CHUNK;
+    if (end > sim->p.n) end = sim->p.n;
+    for (size_t i = chunk * SPHPA_TREE_CHUNK; i < end; i += SPHPA_LANES_) {
+        sphpa_group_at_(sim, i, sim->work->point + 4 * i, centre, &group);
+        sphpa_shared_group_(sim, shared, &group, buffer);
+    }
+}
+
 SPHPA_PRIVATE_ sphpa_result sphpa_sim_traverse_(sphpa_sim *sim, int first, int last,
                                                 sphpa_error *err) {
     struct sphpa_work *work = sim->work;
-    sphpa_group_ group;
-    group.first = first;
-    group.last = last;
-    sphpa_result result = sphpa_group_pack_(sim, &group, err);
+    sphpa_shared_ shared;
+    shared.first = first;
+    shared.last = last;
+    shared.one_by_one = false;
+    for (int k = first; k < last; k++)
+        shared.one_by_one = shared.one_by_one || sim->pass[k]->pair != NULL;
+    sphpa_result result = sphpa_shared_pack_(sim, &shared, err);
     if (result != SPHPA_OK) return result;
     long n = (long)sim->p.n;
-    int dim = sim->p.dim;
     SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_FEW_ * SPHPA_BLOCK_))
     for (long i = 0; i < n; i++) {
-        for (int a = 0; a < 3; a++)
-            work->point[4 * i + a] = a < dim ? sim->p.x[3 * i + a] : 0.0;
+        sphpa_sim_position_(sim, (size_t)i, work->point + 4 * i);
         work->point[4 * i + 3] = (double)sim->p.h[i];
     }
     for (int t = 0; t < work->threads; t++) work->buffer[t].pairs = work->buffer[t].targets = 0;
     long chunks = (long)((sim->p.n + SPHPA_TREE_CHUNK - 1) / SPHPA_TREE_CHUNK);
     SPHPA_OMP(parallel for schedule(dynamic, 1) if (chunks > 2))
-    for (long chunk = 0; chunk < chunks; chunk++) sphpa_group_chunk_(sim, &group, (size_t)chunk);
+    for (long chunk = 0; chunk < chunks; chunk++) sphpa_shared_chunk_(sim, &shared, (size_t)chunk);
     uint64_t pairs = 0, targets = 0;
     for (int t = 0; t < work->threads; t++)
         pairs += work->buffer[t].pairs, targets += work->buffer[t].targets;

@@ -167,29 +167,84 @@ static void build(sphpa_tree *tree, const cloud *c) {
         fail_msg("%s", err.message);
 }
 
-/* each list, element for element and in order; returns the pairs */
+/* whether that image of sorted particle j is near one of the group's, by another order of sums */
+static int brute_near(const cloud *c, const sphpa_tree *tree, size_t first, size_t last, size_t j,
+                      uint32_t image, double skin) {
+    const double *q = c->x + 3 * (size_t)tree->order[j];
+    int digit[3] = {(int)(image % 3), (int)(image / 3 % 3), (int)(image / 9)};
+    for (int a = 0; a < 3; a++)
+        if (digit[a] != 0 && (a >= c->dim || !c->wraps || c->box.periodic[a] == 0)) return 0;
+    for (size_t k = first; k < last; k++) {
+        const double *p = c->x + 3 * (size_t)tree->order[k];
+        double sum = 0.0;
+        for (int a = 0; a < c->dim; a++) {
+            double length = c->box.high[a] - c->box.low[a], dx = q[a] - p[a];
+            dx += digit[a] == 1 ? length : digit[a] == 2 ? -length : 0.0;
+            sum += dx * dx;
+        }
+        double s = (1.0 + skin) * fmax(c->support[tree->order[k]], c->support[tree->order[j]]);
+        if (sum < s * s) return 1;
+    }
+    return 0;
+}
+
+/* lists of groups, element for element and in order: image by image, then as sorted */
+static void check_groups(const cloud *c, const sphpa_tree *tree, double skin, size_t group,
+                         sphpa_tree_lists *lists) {
+    sphpa_error err;
+    memset(&err, 0, sizeof err);
+    if (sphpa_tree_lists_build(tree, skin, group, lists, &err) != SPHPA_OK)
+        fail_msg("%s", err.message);
+    size_t entries = 0;
+    assert_int_equal(lists->group, group);
+    assert_int_equal(lists->groups, (c->n + group - 1) / group);
+    for (size_t g = 0; g < lists->groups; g++) {
+        size_t length = 0, found = 0, first = g * group;
+        size_t last = first + group < c->n ? first + group : c->n;
+        uint32_t same = 0;
+        const uint32_t *list = sphpa_tree_list_of(lists, g, &length);
+        assert_ptr_equal(list, sphpa_tree_list_of_(lists, g, &same));
+        assert_int_equal(length, same);
+        for (uint32_t image = 0; image < SPHPA_TREE_IMAGES; image++)
+            for (size_t j = 0; j < c->n && (image == 0 || c->wraps); j++)
+                if (brute_near(c, tree, first, last, j, image, skin)) {
+                    assert_true(found < length);
+                    assert_int_equal(SPHPA_TREE_ENTRY_INDEX(list[found]), j);
+                    assert_int_equal(SPHPA_TREE_ENTRY_IMAGE(list[found]), image);
+                    found++;
+                }
+        assert_int_equal(found, length);
+        entries += found;
+    }
+    assert_int_equal(entries, lists->entries);
+}
+
+/* lists of one particle: everyone of (3) once, itself too, nobody else; returns the pairs */
 static size_t check_lists(const cloud *c, const sphpa_tree *tree, double skin,
                           sphpa_tree_lists *lists) {
     sphpa_error err;
     memset(&err, 0, sizeof err);
-    if (sphpa_tree_lists_build(tree, skin, lists, &err) != SPHPA_OK) fail_msg("%s", err.message);
+    if (sphpa_tree_lists_build(tree, skin, 1, lists, &err) != SPHPA_OK) fail_msg("%s", err.message);
     assert_int_equal(lists->n, c->n);
+    unsigned char *seen = (unsigned char *)calloc(c->n, 1);
+    assert_non_null(seen);
     size_t pairs = 0;
     for (size_t k = 0; k < c->n; k++) {
-        size_t length = 0, found = 0;
-        uint32_t same = 0;
+        size_t length = 0, found = 1;
         const uint32_t *list = sphpa_tree_list_of(lists, k, &length);
-        assert_ptr_equal(list, sphpa_tree_list_of_(lists, k, &same));
-        assert_int_equal(length, same);
+        for (size_t m = 0; m < length; m++) seen[SPHPA_TREE_ENTRY_INDEX(list[m])]++;
+        assert_int_equal(seen[k], 1);
         for (size_t j = 0; j < c->n; j++)
             if (brute_pair(c, tree->order[k], tree->order[j], skin)) {
-                assert_true(found < length);
-                assert_int_equal(list[found++], j);
+                assert_int_equal(seen[j], 1);
+                found++;
             }
         assert_int_equal(found, length);
-        pairs += found;
+        for (size_t m = 0; m < length; m++) seen[SPHPA_TREE_ENTRY_INDEX(list[m])] = 0;
+        pairs += found - 1;
     }
-    assert_int_equal(pairs, lists->pairs);
+    free(seen);
+    assert_int_equal(pairs + c->n, lists->entries);
     return pairs;
 }
 
@@ -293,6 +348,7 @@ static void sweep(int dim) {
                 check_shape(&c, &tree, kind == COINCIDENT || (kind == CLUMP && offset > 1.0));
                 size_t pairs = check_lists(&c, &tree, 0.0, &lists);
                 size_t more = check_lists(&c, &tree, 0.2, &lists);
+                check_groups(&c, &tree, 0.1, (size_t)1 << (round % 5), &lists);
                 if (pairs == 0 || more < pairs) fail_msg("%s: %zu pairs", kind_name[kind], pairs);
                 check_single(&c, &tree);
                 cloud_free(&c);
@@ -326,6 +382,7 @@ static void test_many(void **state) {
         build(&tree, &c);
         check_shape(&c, &tree, 0);
         check_lists(&c, &tree, 0.1, &lists);
+        check_groups(&c, &tree, 0.1, 8, &lists);
         assert_int_equal(lists.chunk_count, (3333 + SPHPA_TREE_CHUNK - 1) / SPHPA_TREE_CHUNK);
         sphpa_tree_free(&tree);
         sphpa_tree_lists_free(&lists);
@@ -358,11 +415,11 @@ static void test_lattice_count(void **state) {
     memset(&tree, 0, sizeof tree);
     memset(&lists, 0, sizeof lists);
     build(&tree, &c);
-    assert_int_equal(sphpa_tree_lists_build(&tree, 0.0, &lists, NULL), SPHPA_OK);
+    assert_int_equal(sphpa_tree_lists_build(&tree, 0.0, 1, &lists, NULL), SPHPA_OK);
     for (size_t k = 0; k < c.n; k++) {
         size_t count;
         (void)sphpa_tree_list_of(&lists, k, &count);
-        assert_int_equal(count, 80);
+        assert_int_equal(count, 81);
     }
     sphpa_tree_free(&tree);
     sphpa_tree_lists_free(&lists);
@@ -381,19 +438,19 @@ static void test_boundary(void **state) {
         support[turn] = 0.125;
         support[1 - turn] = 5.0;
         assert_int_equal(sphpa_tree_build(&tree, 3, 2, x, support, NULL, NULL), SPHPA_OK);
-        assert_int_equal(sphpa_tree_lists_build(&tree, 0.0, &lists, NULL), SPHPA_OK);
-        assert_int_equal(lists.pairs, 0);
+        assert_int_equal(sphpa_tree_lists_build(&tree, 0.0, 1, &lists, NULL), SPHPA_OK);
+        assert_int_equal(lists.entries, 2);
         support[1 - turn] = 5.0 * (1.0 + DBL_EPSILON);
         assert_int_equal(sphpa_tree_build(&tree, 3, 2, x, support, NULL, NULL), SPHPA_OK);
-        assert_int_equal(sphpa_tree_lists_build(&tree, 0.0, &lists, NULL), SPHPA_OK);
-        assert_int_equal(lists.pairs, 2);
+        assert_int_equal(sphpa_tree_lists_build(&tree, 0.0, 1, &lists, NULL), SPHPA_OK);
+        assert_int_equal(lists.entries, 4);
     }
     support[0] = support[1] = 4.0; /* 1.25 * 4 = 5: strict with a skin too */
     assert_int_equal(sphpa_tree_build(&tree, 3, 2, x, support, NULL, NULL), SPHPA_OK);
-    assert_int_equal(sphpa_tree_lists_build(&tree, 0.25, &lists, NULL), SPHPA_OK);
-    assert_int_equal(lists.pairs, 0);
-    assert_int_equal(sphpa_tree_lists_build(&tree, 0.2500001, &lists, NULL), SPHPA_OK);
-    assert_int_equal(lists.pairs, 2);
+    assert_int_equal(sphpa_tree_lists_build(&tree, 0.25, 1, &lists, NULL), SPHPA_OK);
+    assert_int_equal(lists.entries, 2);
+    assert_int_equal(sphpa_tree_lists_build(&tree, 0.2500001, 1, &lists, NULL), SPHPA_OK);
+    assert_int_equal(lists.entries, 4);
     sphpa_tree_free(&tree);
     sphpa_tree_lists_free(&lists);
 }
@@ -543,7 +600,7 @@ static void test_clump_leaves(void **state) {
 
 static uint64_t hash_lists(const sphpa_tree_lists *lists) { /* FNV-1a */
     uint64_t h = 14695981039346656037u;
-    for (size_t k = 0; k < lists->n; k++) {
+    for (size_t k = 0; k < lists->groups; k++) {
         size_t count;
         const uint32_t *list = sphpa_tree_list_of(lists, k, &count);
         for (size_t m = 0; m < count; m++) h = (h ^ list[m]) * 1099511628211u;
@@ -565,8 +622,8 @@ static void test_threads(void **state) {
         memset(&lists, 0, sizeof lists);
         omp_set_num_threads(threads);
         build(&tree, &c);
-        assert_int_equal(sphpa_tree_lists_build(&tree, 0.1, &lists, NULL), SPHPA_OK);
-        assert_true(lists.pairs > 6000);
+        assert_int_equal(sphpa_tree_lists_build(&tree, 0.1, 8, &lists, NULL), SPHPA_OK);
+        assert_true(lists.entries > 6000);
         if (threads == 1) first_hash = hash_lists(&lists);
         assert_true(hash_lists(&lists) == first_hash);
         sphpa_tree_free(&tree);
@@ -596,7 +653,7 @@ static void test_reuse(void **state) {
         build(&tree, &c);
         build(&fresh, &c);
         check_lists(&c, &tree, 0.0, &lists);
-        assert_int_equal(sphpa_tree_lists_build(&fresh, 0.0, &fresh_lists, NULL), SPHPA_OK);
+        assert_int_equal(sphpa_tree_lists_build(&fresh, 0.0, 1, &fresh_lists, NULL), SPHPA_OK);
         assert_true(hash_lists(&lists) == hash_lists(&fresh_lists));
         assert_int_equal(tree.node_count, fresh.node_count);
         assert_true(sphpa_tree_bytes(&tree) >= bytes);
@@ -606,7 +663,7 @@ static void test_reuse(void **state) {
         cloud_free(&c);
     }
     assert_true(bytes >= 1300 * (32 + 4 + 4));
-    assert_true(sphpa_tree_lists_bytes(&lists) >= lists.pairs * sizeof(uint32_t));
+    assert_true(sphpa_tree_lists_bytes(&lists) >= lists.entries * sizeof(uint32_t));
     sphpa_tree_free(&tree);
     sphpa_tree_lists_free(&lists);
     assert_int_equal(sphpa_tree_bytes(&tree), 0);
@@ -869,7 +926,7 @@ static void test_other_errors(void **state) {
     }
     assert_int_equal(sphpa_tree_neighbours(&tree, 0, &list), SPHPA_ERROR_EMPTY);
     assert_int_equal(sphpa_tree_query(&tree, x, 1.0, &list), SPHPA_ERROR_EMPTY);
-    assert_int_equal(sphpa_tree_lists_build(&tree, 0.0, &lists, NULL), SPHPA_ERROR_EMPTY);
+    assert_int_equal(sphpa_tree_lists_build(&tree, 0.0, 1, &lists, NULL), SPHPA_ERROR_EMPTY);
     assert_int_equal(sphpa_tree_friends(&tree, link, NULL, labels, NULL, NULL), SPHPA_ERROR_EMPTY);
     cloud c = cloud_make(UNIFORM, 3, 64, 1, 1.0, 0.0, 2);
     build(&tree, &c);
@@ -881,13 +938,13 @@ static void test_other_errors(void **state) {
     assert_int_equal(sphpa_tree_query(&tree, far, 0.1, &list), SPHPA_ERROR_OUTSIDE);
     assert_int_equal(sphpa_tree_query(&tree, x, 0.51, &list), SPHPA_ERROR_RANGE);
     assert_int_equal(sphpa_tree_query(&tree, x, 0.5, &list), SPHPA_OK);
-    assert_int_equal(sphpa_tree_lists_build(&tree, -0.1, &lists, &err), SPHPA_ERROR_NEGATIVE);
+    assert_int_equal(sphpa_tree_lists_build(&tree, -0.1, 1, &lists, &err), SPHPA_ERROR_NEGATIVE);
     assert_non_null(strstr(err.message, "-0.1"));
-    assert_int_equal(sphpa_tree_lists_build(&tree, (double)NAN, &lists, &err),
+    assert_int_equal(sphpa_tree_lists_build(&tree, (double)NAN, 1, &lists, &err),
                      SPHPA_ERROR_NOT_FINITE);
-    assert_int_equal(sphpa_tree_lists_build(&tree, 0.9, &lists, &err), SPHPA_ERROR_RANGE);
+    assert_int_equal(sphpa_tree_lists_build(&tree, 0.9, 1, &lists, &err), SPHPA_ERROR_RANGE);
     assert_non_null(strstr(err.message, "smaller skin")); /* 1.9 * 0.2875 > 0.5 */
-    assert_int_equal(sphpa_tree_lists_build(&tree, 0.5, NULL, &err), SPHPA_ERROR_MISSING);
+    assert_int_equal(sphpa_tree_lists_build(&tree, 0.5, 1, NULL, &err), SPHPA_ERROR_MISSING);
     static const double bad[3] = {(double)NAN, -1.0, 0.6};
     static const sphpa_result code[3] = {SPHPA_ERROR_NOT_FINITE, SPHPA_ERROR_NEGATIVE,
                                          SPHPA_ERROR_RANGE};
@@ -923,7 +980,7 @@ static void test_out_of_memory(void **state) {
         sphpa_result result = sphpa_tree_build(&tree, 3, c.n, c.x, c.support, NULL, NULL);
         if (result != SPHPA_OK) assert_int_equal(tree.n, 0);
         if (result == SPHPA_OK) {
-            result = sphpa_tree_lists_build(&tree, 0.0, &lists, NULL);
+            result = sphpa_tree_lists_build(&tree, 0.0, 1, &lists, NULL);
             if (result != SPHPA_OK) assert_true(lists.n == 0 && lists.chunk_count == 0);
         }
         if (result == SPHPA_OK) result = sphpa_tree_friends(&tree, link, NULL, labels, NULL, NULL);
@@ -933,7 +990,7 @@ static void test_out_of_memory(void **state) {
         assert_int_equal(result, all ? SPHPA_OK : SPHPA_ERROR_MEMORY);
         failures += !all;
         build(&tree, &c); /* with memory again, in the same structs */
-        assert_int_equal(sphpa_tree_lists_build(&tree, 0.0, &lists, NULL), SPHPA_OK);
+        assert_int_equal(sphpa_tree_lists_build(&tree, 0.0, 1, &lists, NULL), SPHPA_OK);
         if (k % 8 == 0) check_lists(&c, &tree, 0.0, &lists);
         sphpa_tree_free(&tree);
         sphpa_tree_lists_free(&lists);
@@ -958,19 +1015,19 @@ static void test_lists_out_of_memory(void **state) {
     int failures = 0;
     for (int k = 0; k < 400; k++) {
         memset(&lists, 0, sizeof lists);
-        assert_int_equal(sphpa_tree_lists_build(&tree, 0.0, &lists, NULL), SPHPA_OK);
+        assert_int_equal(sphpa_tree_lists_build(&tree, 0.0, 1, &lists, NULL), SPHPA_OK);
         fail_after = k;
-        sphpa_result result = sphpa_tree_lists_build(&tree, 0.5, &lists, NULL);
+        sphpa_result result = sphpa_tree_lists_build(&tree, 0.5, 1, &lists, NULL);
         fail_after = -1;
         failures += result == SPHPA_ERROR_MEMORY;
         if (k % 4 == 0) check_lists(&c, &tree, 0.0, &lists);
-        assert_int_equal(sphpa_tree_lists_build(&tree, 0.0, &lists, NULL), SPHPA_OK);
+        assert_int_equal(sphpa_tree_lists_build(&tree, 0.0, 1, &lists, NULL), SPHPA_OK);
         size_t sum = 0, count;
         for (size_t i = 0; i < c.n; i++) {
             const uint32_t *list = sphpa_tree_list_of(&lists, i, &count);
             for (size_t m = 0; m < count; m++) sum += list[m] != i;
         }
-        assert_int_equal(sum, lists.pairs);
+        assert_int_equal(sum + c.n, lists.entries);
         sphpa_tree_lists_free(&lists);
         if (result == SPHPA_OK) break;
     }
