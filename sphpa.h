@@ -1771,7 +1771,9 @@ typedef struct sphpa_gas_params {
     int materials;
     double eta;   /* [1] h in units of the particles' spacing; 0 means 1.2 */
     double h_max; /* [m] h never exceeds it: a lone particle stays alone; 0: no bound */
-    double conduction; /* [1] k of (5); 0: off */
+    double h_tol; /* [1] a change of h by less ends the search for it: rho is then as good as about
+                     ten times its square, Omega as itself; 0 means 3e-4 */
+    double conduction; /* [1] k of (5); 0: off. Set it before sphpa_gas() */
     sphpa_viscosity viscosity;
 } sphpa_gas_params;
 
@@ -8571,6 +8573,11 @@ SPHPA_FORCE_INLINE_ size_t sphpa_lanes_particle_(const sphpa_group *near, size_t
     return near->first + (l < near->count ? l : near->count - 1);
 }
 
+/* lanes that have a particle of their own */
+SPHPA_FORCE_INLINE_ size_t sphpa_lanes_used_(const sphpa_group *near) {
+    return near->count < SPHPA_LANES_ ? near->count : SPHPA_LANES_;
+}
+
 /* the group's own numbers: at(i) is the address of particle i's, `stride` bytes apart */
 SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_load_(const sphpa_group *near, const void *base,
                                                    size_t stride) {
@@ -8635,6 +8642,20 @@ SPHPA_FORCE_INLINE_ void sphpa_lanes_kernel_(int shape, sphpa_lanes_ q, sphpa_la
                                              sphpa_lanes_ *dw) {
     if (shape == 0) sphpa_lanes_cubic_(q, w, dw);
     else sphpa_lanes_shape_(shape, &q, w, dw);
+}
+
+/* what a group's loop knows of the kernel: W = norm w(q)/h^dim, dW/dr = norm w'(q)/h^(dim+1) */
+typedef struct sphpa_shape_ {
+    int shape, dim;
+    double norm;
+} sphpa_shape_;
+
+SPHPA_PRIVATE_ sphpa_shape_ sphpa_shape_of_(const sphpa_sim *sim) {
+    sphpa_shape_ shape;
+    shape.dim = sim->p.dim;
+    shape.shape = sphpa_kernel_shape_(sim->options.kernel, shape.dim);
+    shape.norm = sphpa_kernel_norm_(sim->options.kernel, shape.dim);
+    return shape;
 }
 
 /* Arrays of one thread for the neighbours of one particle. */
@@ -9412,6 +9433,20 @@ SPHPA_FORCE_INLINE_ double sphpa_sim_mean_v_(const sphpa_sim *sim, size_t k) {
     return (double)sim->p.start.v[k] + 0.5 * sim->dt * (double)sim->p.a[k];
 }
 
+/* where h comes from a density sum: a guess of the next one, by the divergence of this evaluation,
+   that saves the sum from iterating */
+SPHPA_PRIVATE_ void sphpa_sim_stretch_(sphpa_sim *sim, double dt) {
+    sphpa_particles *p = &sim->p;
+    if (p->div_v == NULL || !sphpa_sim_has_stage_(sim, SPHPA_STAGE_DENSITY)) return;
+    long n = (long)p->n;
+    double each = dt / p->dim;
+    SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_FEW_ * SPHPA_BLOCK_))
+    for (long i = 0; i < n; i++) {
+        double grow = sphpa_clamp_(each * (double)p->div_v[i], -0.2, 0.2);
+        p->h[i] = (sphpa_real)((double)p->h[i] * (1.0 + grow));
+    }
+}
+
 SPHPA_PRIVATE_ void sphpa_sim_predict_(sphpa_sim *sim) {
     sphpa_particles *p = &sim->p;
     double half = 0.5 * sim->dt;
@@ -9424,6 +9459,7 @@ SPHPA_PRIVATE_ void sphpa_sim_predict_(sphpa_sim *sim) {
         }
         p->u[i] = p->start.u[i] + half * (double)p->du[i];
     }
+    sphpa_sim_stretch_(sim, half);
     sphpa_sim_wrap_(sim);
 }
 
@@ -9479,6 +9515,7 @@ SPHPA_PRIVATE_ size_t sphpa_sim_finish_(sphpa_sim *sim) {
             stats->u_least = below[2], stats->u_id = sim->p.id[(size_t)below[3]];
         if (work->block_bad[block] < bad) bad = work->block_bad[block];
     }
+    sphpa_sim_stretch_(sim, 0.5 * sim->dt);
     sphpa_sim_wrap_(sim);
     return bad;
 }
@@ -10144,100 +10181,196 @@ SPHPA_PRIVATE_ double sphpa_gas_eta_(const sphpa_gas_params *gas) {
     return gas->eta > 0.0 ? gas->eta : 1.2;
 }
 
-/* Sums of (1) and (2) at smoothing length h over all that is listed, and the particle itself. */
-typedef struct sphpa_gas_sum_ {
-    double rho, drho_dh;
-} sphpa_gas_sum_;
+/* ---- density --------------------------------------------------------------------------------- */
 
-SPHPA_PRIVATE_ sphpa_gas_sum_ sphpa_gas_sum_at_(const sphpa_sim *sim, const sphpa_neighbours *near,
-                                                const double *mass, double h) {
-    double *q = near->scratch[0], *f = near->scratch[1], *df = near->scratch[2];
-    int dim = sim->p.dim;
-    double per_h = 1.0 / h, norm = per_h * (dim > 1 ? per_h : 1.0) * (dim > 2 ? per_h : 1.0);
-    double self = sphpa_kernel_w(sim->options.kernel, dim, 0.0, h) * (double)sim->p.m[near->i];
-    for (size_t k = 0; k < near->count; k++) q[k] = near->r[k] * per_h;
-    sphpa_kernel_shape_batch(sim->options.kernel, dim, near->count, q, f, df);
-    double w = 0.0, w_h = 0.0;
-    for (size_t k = 0; k < near->count; k++) {
-        w += mass[k] * f[k];
-        w_h += mass[k] * (dim * f[k] + q[k] * df[k]);
-    }
-    sphpa_gas_sum_ sum;
-    sum.rho = self + norm * w;
-    sum.drho_dh = -dim * self * per_h - norm * per_h * w_h;
-    return sum;
-}
+typedef struct sphpa_gas_point_ {
+    double x[3];
+    sphpa_real m;
+} sphpa_gas_point_;
 
-/* Equation (1) by Newton in h, kept between bounds that close in; the last step is too small for a
-   new sum, the density follows by its derivative: both are good to rounding, whatever h came in.
-   The Gaussian ends in a jump: where rho leaps over the root as h grows past a neighbour, the
-   bounds close on the jump, and h stays there. */
-SPHPA_PRIVATE_ void sphpa_gas_density_(sphpa_sim *sim, void *params, const sphpa_neighbours *near) {
-    const sphpa_gas_params *gas = (const sphpa_gas_params *)params;
-    size_t i = near->i;
-    int dim = sim->p.dim;
-    double *mass = near->scratch[3], m = (double)sim->p.m[i];
-    double eta = sphpa_gas_eta_(gas), h_max = gas->h_max > 0.0 ? gas->h_max : HUGE_VAL;
-    double reach = sphpa_sim_reach_(sim, i) / sphpa_kernel_support(sim->options.kernel);
-    double low = 0.0, high = HUGE_VAL, h = sphpa_min_((double)sim->p.h[i], h_max);
-    bool done = false;
-    for (size_t k = 0; k < near->count; k++) mass[k] = (double)sim->p.m[near->j[k]];
-    sphpa_gas_sum_ sum = sphpa_gas_sum_at_(sim, near, mass, h);
-    for (int step = 0; step < 200 && !done; step++) {
-        double x = eta / h, want = m * x * (dim > 1 ? x : 1.0) * (dim > 2 ? x : 1.0);
-        double F = want - sum.rho, dF = -dim * want / h - sum.drho_dh, change = -F / dF;
-        if (fabs(change) <= 1e-10 * h) {
-            change = sphpa_min_(change, h_max - h);
-            h += change;
-            sum.rho += sum.drho_dh * change;
-            done = true;
-            break;
-        }
-        if (F > 0.0) low = h;
-        else high = h;
-        if (high - low <= 1e-14 * h) {
-            done = true;
-            break;
-        }
-        double next = dF < 0.0 ? h + change : (F > 0.0 ? 1.2 * h : 0.8 * h);
-        next = sphpa_clamp_(next, 0.8 * h, 1.25 * h);
-        if (!(next > low && next < high)) next = high < HUGE_VAL ? 0.5 * (low + high) : 1.25 * h;
-        next = sphpa_min_(next, h_max);
-        done = next == h; /* at h_max */
-        h = next;
-        if (h > reach) { /* its list is too short: told by h, so that new ones are made */
-            h *= 1.0 + 1e-6;
-            done = true;
-        } else if (!done) sum = sphpa_gas_sum_at_(sim, near, mass, h);
-    }
-    sim->p.h[i] = (sphpa_real)h;
-    sim->p.rho[i] = done ? sum.rho : (double)NAN; /* the simulation stops at a density like that */
-    sim->p.omega[i] = (sphpa_real)(h < h_max ? 1.0 + h * sum.drho_dh / (dim * sum.rho) : 1.0);
-}
-
-/* div and curl of v by (1)'s gradient, for Balsara's switch */
-SPHPA_PRIVATE_ void sphpa_gas_switch_(sphpa_sim *sim, void *params, const sphpa_neighbours *near) {
+SPHPA_PRIVATE_ void sphpa_gas_pack_points_(const sphpa_sim *sim, const void *params, size_t first,
+                                           size_t last, void *records) {
     (void)params;
-    const sphpa_particles *p = &sim->p;
-    const sphpa_real *vi = p->v + 3 * near->i;
-    double *own, *other, div = 0.0, curl[3] = {0.0, 0.0, 0.0};
-    sphpa_pair_gradients_(sim, near, &own, &other);
-    for (size_t k = 0; k < near->count; k++) {
-        const sphpa_real *vj = p->v + 3 * (size_t)near->j[k];
-        double g = (double)p->m[near->j[k]] * own[k], x = near->dx[k], y = near->dy[k];
-        double z = near->dz[k], vx = (double)(vj[0] - vi[0]), vy = (double)(vj[1] - vi[1]);
-        double vz = (double)(vj[2] - vi[2]);
-        div += g * (vx * x + vy * y + vz * z);
-        curl[0] += g * (vz * y - vy * z);
-        curl[1] += g * (vx * z - vz * x);
-        curl[2] += g * (vy * x - vx * y);
+    for (size_t i = first; i < last; i++) {
+        sphpa_gas_point_ *point = (sphpa_gas_point_ *)records + i;
+        sphpa_sim_position_(sim, i, point->x);
+        point->m = sim->p.m[i];
     }
-    double per_rho = 1.0 / p->rho[near->i], h = (double)p->h[near->i];
-    double size = sqrt(curl[0] * curl[0] + curl[1] * curl[1] + curl[2] * curl[2]) * per_rho;
-    double noise = 1e-4 * (double)p->c[near->i] / h;
-    div = fabs(div) * per_rho;
-    sim->p.balsara[near->i] = (sphpa_real)(div / (div + size + noise + 1e-300));
 }
+
+/* sum m w(q) and sum m q w'(q) over all that is listed, each lane with its own h */
+SPHPA_FORCE_INLINE_ void sphpa_gas_sums_(const sphpa_group *near, int shape,
+                                         const sphpa_lanes_ x[3], sphpa_lanes_ per_h,
+                                         sphpa_lanes_ *sum, sphpa_lanes_ *slope) {
+    const sphpa_gas_point_ *points = (const sphpa_gas_point_ *)(const void *)near->records;
+    sphpa_lanes_ d[3], w, dw, sum_w = sphpa_lanes_of_(SPHPA_R(0.0)), sum_dw = sum_w;
+    for (size_t k = 0; k < near->entries; k++) {
+        const sphpa_gas_point_ *j = points + SPHPA_TREE_ENTRY_INDEX(near->list[k]);
+        sphpa_lanes_ r2 = sphpa_lanes_apart_(near, near->list[k], j->x, x, d);
+        sphpa_lanes_ q = sphpa_lanes_sqrt_(r2) * per_h;
+        sphpa_lanes_kernel_(shape, q, &w, &dw);
+        sum_w += w * j->m;
+        sum_dw += q * dw * j->m;
+    }
+    *sum = sum_w;
+    *slope = sum_dw;
+}
+
+SPHPA_NO_INLINE_ void sphpa_gas_sums_any_(const sphpa_group *near, int shape,
+                                          const sphpa_lanes_ x[3], const sphpa_lanes_ *per_h,
+                                          sphpa_lanes_ *sum, sphpa_lanes_ *slope) {
+    if (shape == 0) sphpa_gas_sums_(near, 0, x, *per_h, sum, slope);
+    else sphpa_gas_sums_(near, shape, x, *per_h, sum, slope);
+}
+
+/* One lane's search for the root of (1). */
+typedef struct sphpa_gas_root_ {
+    double m, h, low, high; /* bounds of h that close in */
+    double reach;           /* up to here its list is complete */
+    double rho, drho_dh;
+    bool done;
+} sphpa_gas_root_;
+
+/* Newton in h, kept between bounds; a last change that is small enough is made without a new sum,
+   the density follows by its derivative. The Gaussian ends in a jump: where rho leaps over the root
+   as h grows past a neighbour, the bounds close on the jump, and h stays there. */
+SPHPA_PRIVATE_ void sphpa_gas_root_step_(const sphpa_gas_params *gas, int dim,
+                                         sphpa_gas_root_ *root) {
+    double eta = sphpa_gas_eta_(gas), h_max = gas->h_max > 0.0 ? gas->h_max : HUGE_VAL;
+    double tol = gas->h_tol > 0.0 ? gas->h_tol : 3e-4, h = root->h, x = eta / h;
+    double want = root->m * sphpa_kernel_power_(x, dim);
+    double F = want - root->rho, dF = -dim * want / h - root->drho_dh, change = -F / dF;
+    if (fabs(change) <= tol * h) {
+        change = sphpa_min_(change, h_max - h);
+        root->h += change;
+        root->rho += root->drho_dh * change;
+        root->done = true;
+        return;
+    }
+    if (F > 0.0) root->low = h;
+    else root->high = h;
+    root->done = root->high - root->low <= 1e-14 * h;
+    if (root->done) return;
+    double next = dF < 0.0 ? h + change : (F > 0.0 ? 1.2 * h : 0.8 * h);
+    next = sphpa_clamp_(next, 0.8 * h, 1.25 * h);
+    if (!(next > root->low && next < root->high))
+        next = root->high < HUGE_VAL ? 0.5 * (root->low + root->high) : 1.25 * h;
+    next = sphpa_min_(next, h_max);
+    root->done = next == h; /* at h_max */
+    root->h = next;
+    if (next <= root->reach) return;
+    root->h *= 1.0 + 1e-6; /* its list is too short: told by h, so that new ones are made */
+    root->done = true;
+}
+
+SPHPA_PRIVATE_ void sphpa_gas_root_begin_(const sphpa_sim *sim, const sphpa_gas_params *gas,
+                                          size_t i, sphpa_gas_root_ *root) {
+    double h = (double)sim->p.h[i];
+    root->m = (double)sim->p.m[i];
+    root->h = gas->h_max > 0.0 ? sphpa_min_(h, gas->h_max) : h;
+    root->low = 0.0;
+    root->high = HUGE_VAL;
+    root->reach = sphpa_sim_reach_(sim, i) / sphpa_kernel_support(sim->options.kernel);
+    root->done = false;
+}
+
+SPHPA_PRIVATE_ void sphpa_gas_root_end_(sphpa_sim *sim, const sphpa_gas_params *gas, size_t i,
+                                        const sphpa_gas_root_ *root) {
+    double h_max = gas->h_max > 0.0 ? gas->h_max : HUGE_VAL;
+    sim->p.h[i] = (sphpa_real)root->h;
+    sim->p.rho[i] = root->done ? root->rho : (double)NAN; /* which stops the simulation */
+    sim->p.omega[i] = (sphpa_real)(
+        root->h < h_max ? 1.0 + root->h * root->drho_dh / (sim->p.dim * root->rho) : 1.0);
+}
+
+/* Equations (1) and (2). All lanes are summed as long as one of them is not done. */
+SPHPA_PRIVATE_ void sphpa_gas_density_(sphpa_sim *sim, void *params, const sphpa_group *near) {
+    const sphpa_gas_params *gas = (const sphpa_gas_params *)params;
+    sphpa_shape_ shape = sphpa_shape_of_(sim);
+    sphpa_gas_root_ root[SPHPA_LANES_];
+    sphpa_lanes_ x[3], sum, slope, per_h = sphpa_lanes_of_(SPHPA_R(0.0));
+    sphpa_lanes_own_x_(near, sizeof(sphpa_gas_point_), x);
+    for (size_t l = 0; l < SPHPA_LANES_; l++)
+        sphpa_gas_root_begin_(sim, gas, sphpa_lanes_particle_(near, l), &root[l]);
+    bool done = false;
+    for (int step = 0; step < 200 && !done; step++) {
+        for (size_t l = 0; l < SPHPA_LANES_; l++)
+            SPHPA_LANE_(per_h, l) = (sphpa_real)(1.0 / root[l].h);
+        sphpa_gas_sums_any_(near, shape.shape, x, &per_h, &sum, &slope);
+        done = true;
+        for (size_t l = 0; l < sphpa_lanes_used_(near); l++) {
+            if (root[l].done) continue;
+            double per = (double)SPHPA_LANE_(per_h, l), w = (double)SPHPA_LANE_(sum, l);
+            double norm = shape.norm * sphpa_kernel_power_(per, shape.dim);
+            root[l].rho = norm * w;
+            root[l].drho_dh = -norm * per * (shape.dim * w + (double)SPHPA_LANE_(slope, l));
+            sphpa_gas_root_step_(gas, shape.dim, &root[l]);
+            done = done && root[l].done;
+        }
+    }
+    for (size_t l = 0; l < sphpa_lanes_used_(near); l++)
+        sphpa_gas_root_end_(sim, gas, near->first + l, &root[l]);
+}
+
+/* ---- Balsara's switch ------------------------------------------------------------------------ */
+
+typedef struct sphpa_gas_flow_ {
+    double x[3];
+    sphpa_real v[3], m, per_h;
+} sphpa_gas_flow_;
+
+SPHPA_PRIVATE_ void sphpa_gas_pack_flow_(const sphpa_sim *sim, const void *params, size_t first,
+                                         size_t last, void *records) {
+    (void)params;
+    for (size_t i = first; i < last; i++) {
+        sphpa_gas_flow_ *flow = (sphpa_gas_flow_ *)records + i;
+        sphpa_sim_position_(sim, i, flow->x);
+        for (size_t a = 0; a < 3; a++) flow->v[a] = sim->p.v[3 * i + a];
+        flow->m = sim->p.m[i];
+        flow->per_h = (sphpa_real)(1.0 / (double)sim->p.h[i]);
+    }
+}
+
+/* sum m w'(q)/r of v_ji . x_ij and of v_ji cross x_ij, that is div and curl of v but for a factor */
+SPHPA_FORCE_INLINE_ void sphpa_gas_curl_(const sphpa_group *near, int shape, sphpa_lanes_ sum[4]) {
+    const sphpa_gas_flow_ *flows = (const sphpa_gas_flow_ *)(const void *)near->records;
+    sphpa_lanes_ x[3], v[3], d[3], w, dw;
+    sphpa_lanes_own_x_(near, sizeof *flows, x);
+    for (int a = 0; a < 3; a++) v[a] = sphpa_lanes_load_(near, &flows->v[a], sizeof *flows);
+    sphpa_lanes_ per_h = sphpa_lanes_load_(near, &flows->per_h, sizeof *flows);
+    for (int a = 0; a < 4; a++) sum[a] = sphpa_lanes_of_(SPHPA_R(0.0));
+    for (size_t k = 0; k < near->entries; k++) {
+        const sphpa_gas_flow_ *j = flows + SPHPA_TREE_ENTRY_INDEX(near->list[k]);
+        sphpa_lanes_ r2 = sphpa_lanes_apart_(near, near->list[k], j->x, x, d);
+        sphpa_lanes_ r = sphpa_lanes_sqrt_(r2);
+        sphpa_lanes_kernel_(shape, r * per_h, &w, &dw);
+        sphpa_lanes_ g = dw * sphpa_lanes_per_r_(r, r2) * j->m;
+        sphpa_lanes_ vx = j->v[0] - v[0], vy = j->v[1] - v[1], vz = j->v[2] - v[2];
+        sum[0] += g * (vx * d[0] + vy * d[1] + vz * d[2]);
+        sum[1] += g * (vz * d[1] - vy * d[2]);
+        sum[2] += g * (vx * d[2] - vz * d[0]);
+        sum[3] += g * (vy * d[0] - vx * d[1]);
+    }
+}
+
+SPHPA_PRIVATE_ void sphpa_gas_switch_(sphpa_sim *sim, void *params, const sphpa_group *near) {
+    sphpa_shape_ shape = sphpa_shape_of_(sim);
+    sphpa_lanes_ sum[4];
+    (void)params;
+    if (shape.shape == 0) sphpa_gas_curl_(near, 0, sum);
+    else sphpa_gas_curl_(near, shape.shape, sum);
+    for (size_t l = 0; l < sphpa_lanes_used_(near); l++) {
+        size_t i = near->first + l;
+        double h = (double)sim->p.h[i], part[4];
+        double scale = shape.norm / (sphpa_kernel_power_(h, shape.dim + 1) * sim->p.rho[i]);
+        for (int a = 0; a < 4; a++) part[a] = scale * (double)SPHPA_LANE_(sum[a], l);
+        double curl = sqrt(part[1] * part[1] + part[2] * part[2] + part[3] * part[3]);
+        double noise = 1e-4 * (double)sim->p.c[i] / h, div = fabs(part[0]);
+        sim->p.balsara[i] = (sphpa_real)(div / (div + curl + noise + 1e-300));
+    }
+}
+
+/* ---- pressure, forces and energy ------------------------------------------------------------- */
 
 SPHPA_PRIVATE_ sphpa_result sphpa_gas_pressure_(sphpa_sim *sim, void *params, size_t first,
                                                 size_t last, size_t *bad) {
@@ -10259,90 +10392,168 @@ SPHPA_PRIVATE_ sphpa_result sphpa_gas_pressure_(sphpa_sim *sim, void *params, si
 
 /* What the pairs need of a neighbour, in one place. */
 typedef struct sphpa_gas_record_ {
-    double v[3], mean_v[3]; /* [m/s] of this evaluation, and of the middle of its kick */
-    double m, force;        /* [kg]; P/(Omega rho^2) [m5/(kg s2)] */
-    double rho, c, f, P, u; /* f: Balsara's factor, 1 without */
+    double x[3];
+    sphpa_real v[3], mean_v[3]; /* [m/s] of this evaluation, and of the middle of its kick */
+    sphpa_real m, force;        /* [kg]; P/(Omega rho^2) [m5/(kg s2)] */
+    sphpa_real rho, c, f;       /* f: half of Balsara's factor, 1/2 without */
+    sphpa_real h, per_h, scale; /* scale: norm/h^(dim+1), dW/dr = scale w'(q) */
 } sphpa_gas_record_;
 
 SPHPA_PRIVATE_ void sphpa_gas_pack_(const sphpa_sim *sim, const void *params, size_t first,
                                     size_t last, void *records) {
-    (void)params;
     const sphpa_particles *p = &sim->p;
+    sphpa_shape_ shape = sphpa_shape_of_(sim);
+    (void)params;
     for (size_t i = first; i < last; i++) {
         sphpa_gas_record_ *record = (sphpa_gas_record_ *)records + i;
+        double per_h = 1.0 / (double)p->h[i];
+        sphpa_sim_position_(sim, i, record->x);
         for (size_t a = 0; a < 3; a++) {
-            record->v[a] = (double)p->v[3 * i + a];
-            record->mean_v[a] = sphpa_sim_mean_v_(sim, 3 * i + a);
+            record->v[a] = p->v[3 * i + a];
+            record->mean_v[a] = (sphpa_real)sphpa_sim_mean_v_(sim, 3 * i + a);
         }
-        record->m = (double)p->m[i];
-        record->rho = p->rho[i];
-        record->P = (double)p->P[i];
-        record->force = record->P / ((double)p->omega[i] * record->rho * record->rho);
-        record->c = (double)p->c[i];
-        record->f = p->balsara != NULL ? (double)p->balsara[i] : 1.0;
-        record->u = p->u[i];
+        record->m = p->m[i];
+        record->rho = (sphpa_real)p->rho[i];
+        record->force =
+            (sphpa_real)((double)p->P[i] / ((double)p->omega[i] * p->rho[i] * p->rho[i]));
+        record->c = p->c[i];
+        record->f = p->balsara != NULL ? SPHPA_R(0.5) * p->balsara[i] : SPHPA_R(0.5);
+        record->h = p->h[i];
+        record->per_h = (sphpa_real)per_h;
+        record->scale = (sphpa_real)(shape.norm * sphpa_kernel_power_(per_h, shape.dim + 1));
     }
 }
 
-/* Pi_ij of the pair, 0 where it recedes; the same in the forces and in the energy */
-SPHPA_FORCE_INLINE_ double sphpa_gas_pi_(const sphpa_gas_record_ *i, const sphpa_gas_record_ *j,
-                                         const sphpa_neighbours *near, size_t k, double h, double a,
-                                         double b, double *mu) {
-    double vx = (i->v[0] - j->v[0]) * near->dx[k] + (i->v[1] - j->v[1]) * near->dy[k] +
-                (i->v[2] - j->v[2]) * near->dz[k];
-    *mu = 0.0;
-    if (vx >= 0.0) return 0.0;
-    return 0.5 * (i->f + j->f) *
-           sphpa_viscosity_pi_(a, b, vx, near->r[k] * near->r[k], 0.5 * (h + near->h[k]),
-                               0.5 * (i->c + j->c), 0.5 * (i->rho + j->rho), mu);
+/* The lanes' own numbers, and the pair at hand: what forces and energy have in common. */
+typedef struct sphpa_gas_pair_ {
+    sphpa_lanes_ x[3], v[3], force, rho, c, f, h, per_h, scale;
+    sphpa_real a, b; /* of the viscosity */
+    sphpa_lanes_ d[3], vx, gi, gj; /* x_ij; v_ij.x_ij; m_j (dW/dr)/r with h of i and of j */
+    sphpa_lanes_ pi, mu;           /* Pi_ij/2 and mu; 0 where the pair recedes */
+} sphpa_gas_pair_;
+
+SPHPA_FORCE_INLINE_ void sphpa_gas_own_(const sphpa_gas_params *gas, const sphpa_group *near,
+                                        sphpa_gas_pair_ *i) {
+    const sphpa_gas_record_ *records = (const sphpa_gas_record_ *)(const void *)near->records;
+    sphpa_lanes_own_x_(near, sizeof *records, i->x);
+    for (int a = 0; a < 3; a++) i->v[a] = sphpa_lanes_load_(near, &records->v[a], sizeof *records);
+    i->force = sphpa_lanes_load_(near, &records->force, sizeof *records);
+    i->rho = sphpa_lanes_load_(near, &records->rho, sizeof *records);
+    i->c = sphpa_lanes_load_(near, &records->c, sizeof *records);
+    i->f = sphpa_lanes_load_(near, &records->f, sizeof *records);
+    i->h = sphpa_lanes_load_(near, &records->h, sizeof *records);
+    i->per_h = sphpa_lanes_load_(near, &records->per_h, sizeof *records);
+    i->scale = sphpa_lanes_load_(near, &records->scale, sizeof *records);
+    i->a = (sphpa_real)sphpa_viscosity_a_(&gas->viscosity);
+    i->b = (sphpa_real)sphpa_viscosity_b_(&gas->viscosity);
 }
 
-SPHPA_PRIVATE_ void sphpa_gas_forces_(sphpa_sim *sim, void *params, const sphpa_neighbours *near) {
-    const sphpa_gas_params *gas = (const sphpa_gas_params *)params;
+/* the same numbers in the forces and in the energy, so that they balance */
+SPHPA_FORCE_INLINE_ void sphpa_gas_meet_(const sphpa_group *near, int shape, uint32_t entry,
+                                         const sphpa_gas_record_ *j, sphpa_gas_pair_ *i) {
+    sphpa_lanes_ w, dw, r2 = sphpa_lanes_apart_(near, entry, j->x, i->x, i->d);
+    sphpa_lanes_ r = sphpa_lanes_sqrt_(r2), per_r = j->m * sphpa_lanes_per_r_(r, r2);
+    sphpa_lanes_kernel_(shape, r * i->per_h, &w, &dw);
+    i->gi = i->scale * dw * per_r;
+    sphpa_lanes_kernel_(shape, r * j->per_h, &w, &dw);
+    i->gj = j->scale * dw * per_r;
+    i->vx = (i->v[0] - j->v[0]) * i->d[0] + (i->v[1] - j->v[1]) * i->d[1] +
+            (i->v[2] - j->v[2]) * i->d[2];
+    sphpa_lanes_ h = SPHPA_R(0.5) * (i->h + j->h), rho = SPHPA_R(0.5) * (i->rho + j->rho);
+    sphpa_lanes_ mu_rho = h * sphpa_lanes_below_(i->vx) / ((r2 + SPHPA_R(0.01) * (h * h)) * rho);
+    i->mu = mu_rho * rho;
+    i->pi = SPHPA_R(0.5) * (i->f + j->f) * mu_rho *
+            (i->b * i->mu - SPHPA_R(0.5) * i->a * (i->c + j->c));
+}
+
+/* lane by lane: the acceleration, but for its sign, sum m_j v_ij . grad W_i, and the largest |mu| */
+typedef struct sphpa_gas_pushed_ {
+    sphpa_real a[3][SPHPA_LANES_], flow[SPHPA_LANES_], mu_max[SPHPA_LANES_];
+} sphpa_gas_pushed_;
+
+SPHPA_FORCE_INLINE_ void sphpa_gas_push_(const sphpa_gas_params *gas, const sphpa_group *near,
+                                         int shape, sphpa_gas_pushed_ *out) {
     const sphpa_gas_record_ *records = (const sphpa_gas_record_ *)(const void *)near->records;
-    const sphpa_gas_record_ *own = records + near->i;
-    double a = sphpa_viscosity_a_(&gas->viscosity), b = sphpa_viscosity_b_(&gas->viscosity);
-    double h = (double)sim->p.h[near->i], sum[3] = {0.0, 0.0, 0.0}, mu_max = 0.0, mu;
-    double *gi, *gj;
+    sphpa_gas_pair_ i;
+    sphpa_lanes_ zero = sphpa_lanes_of_(SPHPA_R(0.0)), most = zero, flow = zero;
+    sphpa_lanes_ sx = zero, sy = zero, sz = zero;
+    sphpa_gas_own_(gas, near, &i);
+    for (size_t k = 0; k < near->entries; k++) {
+        const sphpa_gas_record_ *j = records + SPHPA_TREE_ENTRY_INDEX(near->list[k]);
+        sphpa_gas_meet_(near, shape, near->list[k], j, &i);
+        sphpa_lanes_ both = i.gi + i.gj, g = i.force * i.gi + j->force * i.gj + i.pi * both;
+        sx += g * i.d[0];
+        sy += g * i.d[1];
+        sz += g * i.d[2];
+        flow += i.gi * i.vx;
+        most = sphpa_lanes_max_(most, SPHPA_LANES_IF_(both < SPHPA_R(0.0), -i.mu));
+    }
+    memcpy(out->a[0], &sx, sizeof sx);
+    memcpy(out->a[1], &sy, sizeof sy);
+    memcpy(out->a[2], &sz, sizeof sz);
+    memcpy(out->flow, &flow, sizeof flow);
+    memcpy(out->mu_max, &most, sizeof most);
+}
+
+SPHPA_PRIVATE_ void sphpa_gas_forces_(sphpa_sim *sim, void *params, const sphpa_group *near) {
+    const sphpa_gas_params *gas = (const sphpa_gas_params *)params;
+    sphpa_shape_ shape = sphpa_shape_of_(sim);
+    sphpa_gas_pushed_ out;
+    if (shape.shape == 0) sphpa_gas_push_(gas, near, 0, &out);
+    else sphpa_gas_push_(gas, near, shape.shape, &out);
+    for (size_t l = 0; l < sphpa_lanes_used_(near); l++) {
+        size_t i = near->first + l;
+        for (size_t a = 0; a < 3; a++) sim->p.a[3 * i + a] -= out.a[a][l];
+        sim->p.mu_max[i] = out.mu_max[l];
+        sim->p.div_v[i] =
+            (sphpa_real)(-(double)out.flow[l] / ((double)sim->p.omega[i] * sim->p.rho[i]));
+    }
+}
+
+/* the work of the pair forces on the way of the time-centred velocities */
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_gas_work_(const sphpa_gas_params *gas,
+                                                 const sphpa_group *near, int shape) {
+    const sphpa_gas_record_ *records = (const sphpa_gas_record_ *)(const void *)near->records;
+    sphpa_gas_pair_ i;
+    sphpa_lanes_ v[3], sum = sphpa_lanes_of_(SPHPA_R(0.0));
+    sphpa_gas_own_(gas, near, &i);
+    for (int a = 0; a < 3; a++)
+        v[a] = sphpa_lanes_load_(near, &records->mean_v[a], sizeof *records);
+    for (size_t k = 0; k < near->entries; k++) {
+        const sphpa_gas_record_ *j = records + SPHPA_TREE_ENTRY_INDEX(near->list[k]);
+        sphpa_gas_meet_(near, shape, near->list[k], j, &i);
+        sphpa_lanes_ vx = (v[0] - j->mean_v[0]) * i.d[0] + (v[1] - j->mean_v[1]) * i.d[1] +
+                          (v[2] - j->mean_v[2]) * i.d[2];
+        sum += vx * (i.force * i.gi + SPHPA_R(0.5) * i.pi * (i.gi + i.gj));
+    }
+    return sum;
+}
+
+SPHPA_PRIVATE_ void sphpa_gas_energy_(sphpa_sim *sim, void *params, const sphpa_group *near) {
+    const sphpa_gas_params *gas = (const sphpa_gas_params *)params;
+    sphpa_shape_ shape = sphpa_shape_of_(sim);
+    sphpa_lanes_ sum;
+    if (shape.shape == 0) sum = sphpa_gas_work_(gas, near, 0);
+    else sum = sphpa_gas_work_(gas, near, shape.shape);
+    for (size_t l = 0; l < sphpa_lanes_used_(near); l++)
+        sim->p.du[near->first + l] += SPHPA_LANE_(sum, l);
+}
+
+/* (5), for those who want it: neighbours one by one; both partners see the same numbers */
+SPHPA_PRIVATE_ void sphpa_gas_conduct_(sphpa_sim *sim, void *params, const sphpa_neighbours *near) {
+    const sphpa_gas_params *gas = (const sphpa_gas_params *)params;
+    const sphpa_particles *p = &sim->p;
+    double *gi, *gj, sum = 0.0;
+    size_t i = near->i;
     sphpa_pair_gradients_(sim, near, &gi, &gj);
     for (size_t k = 0; k < near->count; k++) {
-        const sphpa_gas_record_ *other = records + near->j[k];
-        double pi = sphpa_gas_pi_(own, other, near, k, h, a, b, &mu);
-        double g = other->m * (own->force * gi[k] + other->force * gj[k] +
-                               0.5 * pi * (gi[k] + gj[k]));
-        sum[0] -= g * near->dx[k];
-        sum[1] -= g * near->dy[k];
-        sum[2] -= g * near->dz[k];
-        mu_max = sphpa_max_(mu_max, -mu);
+        size_t j = near->j[k];
+        double rho = 0.5 * (p->rho[i] + p->rho[j]);
+        double speed = sqrt(fabs((double)p->P[i] - (double)p->P[j]) / rho);
+        sum += (double)p->m[j] * speed * (p->u[i] - p->u[j]) / rho * 0.5 * (gi[k] + gj[k]) *
+               near->r[k];
     }
-    for (size_t c = 0; c < 3; c++)
-        sim->p.a[3 * near->i + c] = (sphpa_real)((double)sim->p.a[3 * near->i + c] + sum[c]);
-    sim->p.mu_max[near->i] = (sphpa_real)mu_max;
-}
-
-SPHPA_PRIVATE_ void sphpa_gas_energy_(sphpa_sim *sim, void *params, const sphpa_neighbours *near) {
-    const sphpa_gas_params *gas = (const sphpa_gas_params *)params;
-    const sphpa_gas_record_ *records = (const sphpa_gas_record_ *)(const void *)near->records;
-    const sphpa_gas_record_ *own = records + near->i;
-    double a = sphpa_viscosity_a_(&gas->viscosity), b = sphpa_viscosity_b_(&gas->viscosity);
-    double h = (double)sim->p.h[near->i], sum = 0.0, mu;
-    double *gi, *gj;
-    sphpa_pair_gradients_(sim, near, &gi, &gj);
-    for (size_t k = 0; k < near->count; k++) {
-        const sphpa_gas_record_ *other = records + near->j[k];
-        double pi = sphpa_gas_pi_(own, other, near, k, h, a, b, &mu), mean = 0.5 * (gi[k] + gj[k]);
-        double vx = (own->mean_v[0] - other->mean_v[0]) * near->dx[k] +
-                    (own->mean_v[1] - other->mean_v[1]) * near->dy[k] +
-                    (own->mean_v[2] - other->mean_v[2]) * near->dz[k];
-        sum += other->m * vx * (own->force * gi[k] + 0.5 * pi * mean);
-        if (gas->conduction > 0.0) { /* (5); both partners see the same numbers */
-            double rho = 0.5 * (own->rho + other->rho);
-            double speed = sqrt(fabs(own->P - other->P) / rho);
-            sum += other->m * gas->conduction * speed * (own->u - other->u) / rho * mean *
-                   near->r[k];
-        }
-    }
-    sim->p.du[near->i] = (sphpa_real)((double)sim->p.du[near->i] + sum);
+    sim->p.du[i] = (sphpa_real)((double)sim->p.du[i] + gas->conduction * sum);
 }
 
 SPHPA_PRIVATE_ double sphpa_gas_courant_(const sphpa_sim *sim, const void *params, size_t i) {
@@ -10357,15 +10568,28 @@ SPHPA_PRIVATE_ sphpa_result sphpa_gas_setup_(sphpa_sim *sim, void *params, sphpa
     if (!eos)
         return sphpa_error_set(err, SPHPA_ERROR_MISSING,
                                "gas: no equation of state; set eos and materials");
-    const sphpa_number_ all[3] = {
-        {"eta", gas->eta}, {"h_max", gas->h_max}, {"conduction", gas->conduction}};
-    sphpa_result result = sphpa_numbers_check_("gas", all, 3, err);
+    const sphpa_number_ all[4] = {{"eta", gas->eta},
+                                  {"h_max", gas->h_max},
+                                  {"h_tol", gas->h_tol},
+                                  {"conduction", gas->conduction}};
+    sphpa_result result = sphpa_numbers_check_("gas", all, 4, err);
     return result == SPHPA_OK ? sphpa_viscosity_check_("gas", &gas->viscosity, err) : result;
 }
 
 SPHPA_PRIVATE_ sphpa_result sphpa_gas_check_all_(const sphpa_sim *sim, const void *params,
                                                  sphpa_error *err) {
     return sphpa_materials_check_(sim, "gas", ((const sphpa_gas_params *)params)->materials, err);
+}
+
+SPHPA_PRIVATE_ void sphpa_gas_group_(
+    sphpa_module *module, const char *name, sphpa_stage stage, sphpa_mask reads, sphpa_mask writes,
+    void (*group)(sphpa_sim *, void *, const sphpa_group *),
+    void (*pack)(const sphpa_sim *, const void *, size_t, size_t, void *), size_t bytes) {
+    sphpa_pass *pass = sphpa_module_pass_(module, name, stage, reads, writes);
+    pass->kind = SPHPA_PASS_PAIR;
+    pass->group = group;
+    pass->pack = pack;
+    pass->record_bytes = bytes;
 }
 
 SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params) {
@@ -10376,30 +10600,28 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params) {
     module.setup = sphpa_gas_setup_;
     module.check = sphpa_gas_check_all_;
     sphpa_mask shape = SPHPA_F(x) | SPHPA_F(m) | SPHPA_F(h), flow = SPHPA_F(v) | SPHPA_F(rho);
-    sphpa_pass *density = sphpa_module_pass_(&module, "gas density", SPHPA_STAGE_DENSITY, shape,
-                                             SPHPA_F(h) | SPHPA_F(rho) | SPHPA_F(omega));
-    density->kind = SPHPA_PASS_PAIR;
-    density->unfiltered = 1;
-    density->pair = sphpa_gas_density_;
-    if (params->viscosity.balsara) { /* after the pressure, for it reads c */
-        sphpa_pass *balsara = sphpa_module_pass_(&module, "gas balsara", SPHPA_STAGE_STRESS,
-                                                 shape | flow | SPHPA_F(c), SPHPA_F(balsara));
-        balsara->kind = SPHPA_PASS_PAIR;
-        balsara->pair = sphpa_gas_switch_;
-    }
+    sphpa_mask all = shape | flow | SPHPA_F(u) | SPHPA_F(P) | SPHPA_F(c) | SPHPA_F(omega);
+    sphpa_gas_group_(&module, "gas density", SPHPA_STAGE_DENSITY, shape,
+                     SPHPA_F(h) | SPHPA_F(rho) | SPHPA_F(omega), sphpa_gas_density_,
+                     sphpa_gas_pack_points_, sizeof(sphpa_gas_point_));
+    if (params->viscosity.balsara) /* after the pressure, for it reads c */
+        sphpa_gas_group_(&module, "gas balsara", SPHPA_STAGE_STRESS, shape | flow | SPHPA_F(c),
+                         SPHPA_F(balsara), sphpa_gas_switch_, sphpa_gas_pack_flow_,
+                         sizeof(sphpa_gas_flow_));
     sphpa_pass *pressure = sphpa_module_pass_(&module, "gas pressure", SPHPA_STAGE_PRESSURE,
                                               SPHPA_F(rho) | SPHPA_F(u), SPHPA_F(P) | SPHPA_F(c));
     pressure->particle = sphpa_gas_pressure_;
-    sphpa_mask all = shape | flow | SPHPA_F(u) | SPHPA_F(P) | SPHPA_F(c) | SPHPA_F(omega);
-    sphpa_pass *forces = sphpa_module_pass_(&module, "gas forces", SPHPA_STAGE_FORCES, all,
-                                            SPHPA_F(a) | SPHPA_F(mu_max));
-    sphpa_pass *energy = sphpa_module_pass_(&module, "gas energy", SPHPA_STAGE_ENERGY,
-                                            all | SPHPA_F(a), SPHPA_F(du));
-    forces->kind = energy->kind = SPHPA_PASS_PAIR;
-    forces->record_bytes = energy->record_bytes = sizeof(sphpa_gas_record_);
-    forces->pack = energy->pack = sphpa_gas_pack_;
-    forces->pair = sphpa_gas_forces_;
-    energy->pair = sphpa_gas_energy_;
+    sphpa_gas_group_(&module, "gas forces", SPHPA_STAGE_FORCES, all,
+                     SPHPA_F(a) | SPHPA_F(mu_max) | SPHPA_F(div_v), sphpa_gas_forces_,
+                     sphpa_gas_pack_, sizeof(sphpa_gas_record_));
+    sphpa_gas_group_(&module, "gas energy", SPHPA_STAGE_ENERGY, all | SPHPA_F(a), SPHPA_F(du),
+                     sphpa_gas_energy_, sphpa_gas_pack_, sizeof(sphpa_gas_record_));
+    if (params->conduction > 0.0) {
+        sphpa_pass *conduction = sphpa_module_pass_(&module, "gas conduction", SPHPA_STAGE_ENERGY,
+                                                    all | SPHPA_F(a), SPHPA_F(du));
+        conduction->kind = SPHPA_PASS_PAIR;
+        conduction->pair = sphpa_gas_conduct_;
+    }
     sphpa_pass *courant = sphpa_module_pass_(&module, "courant", SPHPA_STAGE_LIMIT,
                                              SPHPA_F(h) | SPHPA_F(c) | SPHPA_F(mu_max), 0);
     courant->kind = SPHPA_PASS_REDUCE;

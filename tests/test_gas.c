@@ -200,6 +200,7 @@ static void density_and_h_solve_their_equation(void **state) {
             gas_scene *g = gas_mess(dim, sides[dim - 1], 5);
             g->options.kernel = (sphpa_kernel)k;
             g->params.eta = 1.1;
+            g->params.h_tol = 1e-10;
             for (size_t i = 0; i < g->p.n; i++) /* bad guesses */
                 g->p.h[i] *= (sphpa_real)(i % 3 ? 0.4 : 1.3);
             gas_start(g);
@@ -867,12 +868,12 @@ static void bad_gases_are_refused(void **state) {
         assert_non_null(strstr(err.message, k < 3 ? "equation of state" : "material 1"));
     }
     g->p.material[5] = 0;
-    for (int k = 0; k < 5; k++)
+    for (int k = 0; k < 6; k++)
         for (int bad = 0; bad < 2; bad++) {
             sphpa_gas_params params = g->params;
-            double *const all[5] = {&params.eta, &params.h_max, &params.conduction,
+            double *const all[6] = {&params.eta, &params.h_max, &params.h_tol, &params.conduction,
                                     &params.viscosity.a, &params.viscosity.b};
-            if (bad == 1 && k > 2) continue; /* a negative viscosity is none */
+            if (bad == 1 && k > 3) continue; /* a negative viscosity is none */
             *all[k] = bad ? -3.0 : (double)NAN;
             sphpa_scene scene;
             memset(&scene, 0, sizeof scene);
@@ -883,7 +884,7 @@ static void bad_gases_are_refused(void **state) {
         }
     gas_start(g); /* without a switch its field is not there, nor anything of a solid's */
     assert_true(g->sim.p.balsara == NULL && g->sim.p.S == NULL && g->sim.p.alpha == NULL &&
-                g->sim.p.D == NULL && g->sim.p.L == NULL && g->sim.p.div_v == NULL);
+                g->sim.p.D == NULL && g->sim.p.L == NULL && g->sim.p.C == NULL);
     gas_free(g);
 }
 
