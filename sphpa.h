@@ -10139,11 +10139,36 @@ SPHPA_PRIVATE_ sphpa_result sphpa_viscosity_check_(const char *who, const sphpa_
                            "negative none", who, v->a, v->b);
 }
 
-/* Pi of a pair from v.x < 0 and the pair's means; *mu is negative */
-SPHPA_FORCE_INLINE_ double sphpa_viscosity_pi_(double a, double b, double vx, double r2, double h,
-                                               double c, double rho, double *mu) {
-    *mu = h * vx / (r2 + 0.01 * h * h);
-    return (b * *mu - a * c) * *mu / rho;
+/* What the viscosity asks of a particle. */
+typedef struct sphpa_viscous_ {
+    sphpa_real h, rho, c, f; /* f: half of Balsara's factor, 1/2 without */
+} sphpa_viscous_;
+
+typedef struct sphpa_viscous_lanes_ {
+    sphpa_lanes_ h, rho, c, f;
+    sphpa_real a, b;
+} sphpa_viscous_lanes_;
+
+/* at: the first record's */
+SPHPA_FORCE_INLINE_ void sphpa_viscous_own_(const sphpa_viscosity *v, const sphpa_group *near,
+                                            const sphpa_viscous_ *at, size_t stride,
+                                            sphpa_viscous_lanes_ *own) {
+    own->h = sphpa_lanes_load_(near, &at->h, stride);
+    own->rho = sphpa_lanes_load_(near, &at->rho, stride);
+    own->c = sphpa_lanes_load_(near, &at->c, stride);
+    own->f = sphpa_lanes_load_(near, &at->f, stride);
+    own->a = (sphpa_real)sphpa_viscosity_a_(v);
+    own->b = (sphpa_real)sphpa_viscosity_b_(v);
+}
+
+/* Pi of all lanes with one neighbour and *mu, from v.x; both are 0 where the pair recedes */
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_viscous_pi_(const sphpa_viscous_lanes_ *i,
+                                                   const sphpa_viscous_ *j, sphpa_lanes_ vx,
+                                                   sphpa_lanes_ r2, sphpa_lanes_ *mu) {
+    sphpa_lanes_ h = SPHPA_R(0.5) * (i->h + j->h), rho = SPHPA_R(0.5) * (i->rho + j->rho);
+    sphpa_lanes_ mu_rho = h * sphpa_lanes_below_(vx) / ((r2 + SPHPA_R(0.01) * (h * h)) * rho);
+    *mu = mu_rho * rho;
+    return (i->f + j->f) * mu_rho * (i->b * *mu - SPHPA_R(0.5) * i->a * (i->c + j->c));
 }
 
 /* [s] Courant's limit with the viscosity's share (Monaghan 2005, eq. 5.2) */
@@ -10395,8 +10420,8 @@ typedef struct sphpa_gas_record_ {
     double x[3];
     sphpa_real v[3], mean_v[3]; /* [m/s] of this evaluation, and of the middle of its kick */
     sphpa_real m, force;        /* [kg]; P/(Omega rho^2) [m5/(kg s2)] */
-    sphpa_real rho, c, f;       /* f: half of Balsara's factor, 1/2 without */
-    sphpa_real h, per_h, scale; /* scale: norm/h^(dim+1), dW/dr = scale w'(q) */
+    sphpa_real per_h, scale;    /* norm/h^(dim+1): dW/dr = scale w'(q) */
+    sphpa_viscous_ viscous;
 } sphpa_gas_record_;
 
 SPHPA_PRIVATE_ void sphpa_gas_pack_(const sphpa_sim *sim, const void *params, size_t first,
@@ -10413,12 +10438,12 @@ SPHPA_PRIVATE_ void sphpa_gas_pack_(const sphpa_sim *sim, const void *params, si
             record->mean_v[a] = (sphpa_real)sphpa_sim_mean_v_(sim, 3 * i + a);
         }
         record->m = p->m[i];
-        record->rho = (sphpa_real)p->rho[i];
+        record->viscous.rho = (sphpa_real)p->rho[i];
         record->force =
             (sphpa_real)((double)p->P[i] / ((double)p->omega[i] * p->rho[i] * p->rho[i]));
-        record->c = p->c[i];
-        record->f = p->balsara != NULL ? SPHPA_R(0.5) * p->balsara[i] : SPHPA_R(0.5);
-        record->h = p->h[i];
+        record->viscous.c = p->c[i];
+        record->viscous.f = p->balsara != NULL ? SPHPA_R(0.5) * p->balsara[i] : SPHPA_R(0.5);
+        record->viscous.h = p->h[i];
         record->per_h = (sphpa_real)per_h;
         record->scale = (sphpa_real)(shape.norm * sphpa_kernel_power_(per_h, shape.dim + 1));
     }
@@ -10426,8 +10451,8 @@ SPHPA_PRIVATE_ void sphpa_gas_pack_(const sphpa_sim *sim, const void *params, si
 
 /* The lanes' own numbers, and the pair at hand: what forces and energy have in common. */
 typedef struct sphpa_gas_pair_ {
-    sphpa_lanes_ x[3], v[3], force, rho, c, f, h, per_h, scale;
-    sphpa_real a, b; /* of the viscosity */
+    sphpa_lanes_ x[3], v[3], force, per_h, scale;
+    sphpa_viscous_lanes_ viscous;
     sphpa_lanes_ d[3], vx, gi, gj; /* x_ij; v_ij.x_ij; m_j (dW/dr)/r with h of i and of j */
     sphpa_lanes_ pi, mu;           /* Pi_ij/2 and mu; 0 where the pair recedes */
 } sphpa_gas_pair_;
@@ -10438,14 +10463,9 @@ SPHPA_FORCE_INLINE_ void sphpa_gas_own_(const sphpa_gas_params *gas, const sphpa
     sphpa_lanes_own_x_(near, sizeof *records, i->x);
     for (int a = 0; a < 3; a++) i->v[a] = sphpa_lanes_load_(near, &records->v[a], sizeof *records);
     i->force = sphpa_lanes_load_(near, &records->force, sizeof *records);
-    i->rho = sphpa_lanes_load_(near, &records->rho, sizeof *records);
-    i->c = sphpa_lanes_load_(near, &records->c, sizeof *records);
-    i->f = sphpa_lanes_load_(near, &records->f, sizeof *records);
-    i->h = sphpa_lanes_load_(near, &records->h, sizeof *records);
     i->per_h = sphpa_lanes_load_(near, &records->per_h, sizeof *records);
     i->scale = sphpa_lanes_load_(near, &records->scale, sizeof *records);
-    i->a = (sphpa_real)sphpa_viscosity_a_(&gas->viscosity);
-    i->b = (sphpa_real)sphpa_viscosity_b_(&gas->viscosity);
+    sphpa_viscous_own_(&gas->viscosity, near, &records->viscous, sizeof *records, &i->viscous);
 }
 
 /* the same numbers in the forces and in the energy, so that they balance */
@@ -10459,11 +10479,7 @@ SPHPA_FORCE_INLINE_ void sphpa_gas_meet_(const sphpa_group *near, int shape, uin
     i->gj = j->scale * dw * per_r;
     i->vx = (i->v[0] - j->v[0]) * i->d[0] + (i->v[1] - j->v[1]) * i->d[1] +
             (i->v[2] - j->v[2]) * i->d[2];
-    sphpa_lanes_ h = SPHPA_R(0.5) * (i->h + j->h), rho = SPHPA_R(0.5) * (i->rho + j->rho);
-    sphpa_lanes_ mu_rho = h * sphpa_lanes_below_(i->vx) / ((r2 + SPHPA_R(0.01) * (h * h)) * rho);
-    i->mu = mu_rho * rho;
-    i->pi = SPHPA_R(0.5) * (i->f + j->f) * mu_rho *
-            (i->b * i->mu - SPHPA_R(0.5) * i->a * (i->c + j->c));
+    i->pi = SPHPA_R(0.5) * sphpa_viscous_pi_(&i->viscous, &j->viscous, i->vx, r2, &i->mu);
 }
 
 /* lane by lane: the acceleration, but for its sign, sum m_j v_ij . grad W_i, and the largest |mu| */
@@ -10659,31 +10675,44 @@ SPHPA_PRIVATE_ double sphpa_solid_h_max_(const sphpa_solid_params *solid,
 
 /* What a neighbour's gradients ask of a particle. */
 typedef struct sphpa_solid_point_ {
-    double v[3], volume, rho, root, D; /* [m/s] [m^dim] [kg/m3] [rho^p of (2)] [1] */
-    int32_t body, relaxed;             /* not under pressure */
+    double x[3];
+    sphpa_real v[3];         /* [m/s] */
+    sphpa_real per_h, scale; /* half of norm/h^(dim+1) */
+    sphpa_real volume, part; /* [m^dim] m/rho; m rho^(p-1), p of (2) */
+    sphpa_real root;         /* rho^p */
+    sphpa_real body, broken; /* 1: D = 1, else 0 */
+    sphpa_real relaxed;      /* 1: not under pressure, else 0 */
 } sphpa_solid_point_;
 
 /* all but the velocity */
-SPHPA_FORCE_INLINE_ void sphpa_solid_point_of_(const sphpa_particles *p,
-                                               const sphpa_solid_params *solid, size_t i,
-                                               double rho, sphpa_solid_point_ *point) {
-    point->volume = (double)p->m[i] / rho;
-    point->rho = rho;
-    point->root = solid->correction ? sqrt(rho) : rho;
-    point->D = p->D != NULL ? (double)p->D[i] : 0.0;
-    point->body = p->body[i];
-    point->relaxed = !((double)p->P[i] > 0.0);
+SPHPA_FORCE_INLINE_ void sphpa_solid_point_of_(const sphpa_sim *sim,
+                                               const sphpa_solid_params *solid,
+                                               const sphpa_shape_ *shape, size_t i, double rho,
+                                               sphpa_solid_point_ *point) {
+    const sphpa_particles *p = &sim->p;
+    double per_h = 1.0 / (double)p->h[i], root = solid->correction ? sqrt(rho) : rho;
+    double volume = (double)p->m[i] / rho;
+    sphpa_sim_position_(sim, i, point->x);
+    point->per_h = (sphpa_real)per_h;
+    point->scale = (sphpa_real)(0.5 * shape->norm * sphpa_kernel_power_(per_h, shape->dim + 1));
+    point->volume = (sphpa_real)volume;
+    point->part = (sphpa_real)(volume * root);
+    point->root = (sphpa_real)root;
+    point->body = (sphpa_real)p->body[i];
+    point->broken = p->D != NULL && p->D[i] >= SPHPA_R(1.0) ? SPHPA_R(1.0) : SPHPA_R(0.0);
+    point->relaxed = p->P[i] > SPHPA_R(0.0) ? SPHPA_R(0.0) : SPHPA_R(1.0);
 }
 
 SPHPA_PRIVATE_ void sphpa_solid_pack_points_(const sphpa_sim *sim, const void *params, size_t first,
                                              size_t last, void *records) {
     const sphpa_particles *p = &sim->p;
+    sphpa_shape_ shape = sphpa_shape_of_(sim);
     for (size_t i = first; i < last; i++) {
         sphpa_solid_point_ *point = (sphpa_solid_point_ *)records + i;
-        for (size_t a = 0; a < 3; a++) point->v[a] = (double)p->v[3 * i + a];
+        for (size_t a = 0; a < 3; a++) point->v[a] = p->v[3 * i + a];
         /* rho of this evaluation, by the last rate: the density itself waits for the gradient, and
            C goes into forces with the density that is yet to come */
-        sphpa_solid_point_of_(p, (const sphpa_solid_params *)params, i,
+        sphpa_solid_point_of_(sim, (const sphpa_solid_params *)params, &shape, i,
                               p->start.rho[i] * exp(-sim->dt_stage * (double)p->div_v[i]), point);
     }
 }
@@ -10693,41 +10722,126 @@ typedef struct sphpa_solid_sums_ {
     double v[9], x[6], count; /* x: xx yy zz xy yz xz */
 } sphpa_solid_sums_;
 
-SPHPA_FORCE_INLINE_ void sphpa_solid_sum_(sphpa_solid_sums_ *sums, double g, double dx, double dy,
-                                          double dz, double vx, double vy, double vz) {
-    double gx = g * dx, gy = g * dy, gz = g * dz;
-    sums->v[0] += vx * gx, sums->v[1] += vx * gy, sums->v[2] += vx * gz;
-    sums->v[3] += vy * gx, sums->v[4] += vy * gy, sums->v[5] += vy * gz;
-    sums->v[6] += vz * gx, sums->v[7] += vz * gy, sums->v[8] += vz * gz;
-    sums->x[0] -= dx * gx, sums->x[1] -= dy * gy, sums->x[2] -= dz * gz;
-    sums->x[3] -= dx * gy, sums->x[4] -= dy * gz, sums->x[5] -= dx * gz;
-    sums->count += 1.0;
-}
-
 /* What a particle's rates are made of: sums over all neighbours that count, and over those of them
    that do not strain the solid. */
 typedef struct sphpa_solid_rates_ {
     sphpa_solid_sums_ all, left_out;
 } sphpa_solid_rates_;
 
-/* neighbour j's part in the sums of i; g: the mean of both kernels' gradients, along (dx, dy, dz) =
-   x_i - x_j; per_root: 1/root of i. Who counts, and for what, is decided here alone: see (2). */
-SPHPA_FORCE_INLINE_ void sphpa_solid_gather_(const sphpa_solid_params *solid,
-                                             const sphpa_solid_point_ *i,
-                                             const sphpa_solid_point_ *j, double per_root, double g,
-                                             double dx, double dy, double dz,
-                                             sphpa_solid_rates_ *rates) {
-    double vx = j->v[0] - i->v[0], vy = j->v[1] - i->v[1], vz = j->v[2] - i->v[2];
-    bool choosy = !solid->any_neighbour && i->D < 1.0;
-    bool foreign = j->body != i->body, broken = choosy && j->D >= 1.0;
-    if (i->relaxed && (broken || (foreign && !solid->bodies_stick)) &&
-        vx * dx + vy * dy + vz * dz < 0.0)
-        return; /* it leaves, and pulls at nothing */
-    bool by_volume = foreign && !solid->correction;
-    double weight = g * j->volume * (by_volume ? 1.0 : j->root * per_root);
-    sphpa_solid_sum_(&rates->all, weight, dx, dy, dz, vx, vy, vz);
-    if (broken || (choosy && foreign))
-        sphpa_solid_sum_(&rates->left_out, weight, dx, dy, dz, vx, vy, vz);
+/* The same sums of all lanes. */
+typedef struct sphpa_solid_lane_sums_ {
+    sphpa_lanes_ v[9], x[6], count;
+} sphpa_solid_lane_sums_;
+
+SPHPA_FORCE_INLINE_ void sphpa_solid_zero_(sphpa_solid_lane_sums_ *sums) {
+    sphpa_lanes_ zero = sphpa_lanes_of_(SPHPA_R(0.0));
+    for (int k = 0; k < 9; k++) sums->v[k] = zero;
+    for (int k = 0; k < 6; k++) sums->x[k] = zero;
+    sums->count = zero;
+}
+
+/* g: the weight; d = x_i - x_j; v = v_j - v_i. What asks for C alone is left out without it. */
+SPHPA_FORCE_INLINE_ void sphpa_solid_sum_(sphpa_solid_lane_sums_ *sums, bool corrected,
+                                          sphpa_lanes_ g, const sphpa_lanes_ d[3],
+                                          const sphpa_lanes_ v[3]) {
+    sphpa_lanes_ gx = g * d[0], gy = g * d[1], gz = g * d[2];
+    for (int a = 0; a < 3; a++) {
+        sums->v[3 * a] += v[a] * gx;
+        sums->v[3 * a + 1] += v[a] * gy;
+        sums->v[3 * a + 2] += v[a] * gz;
+    }
+    if (!corrected) return;
+    sums->x[0] -= d[0] * gx, sums->x[1] -= d[1] * gy, sums->x[2] -= d[2] * gz;
+    sums->x[3] -= d[0] * gy, sums->x[4] -= d[1] * gz, sums->x[5] -= d[0] * gz;
+    sums->count += SPHPA_LANES_IF_(g < SPHPA_R(0.0), sphpa_lanes_of_(SPHPA_R(1.0)));
+}
+
+/* lane l's sums, with the weight's 1/root of its particle */
+SPHPA_PRIVATE_ void sphpa_solid_lane_(const sphpa_solid_lane_sums_ *lanes, size_t l, double per,
+                                      sphpa_solid_sums_ *sums) {
+    const sphpa_real *from = (const sphpa_real *)(const void *)lanes;
+    for (size_t k = 0; k < 9; k++) sums->v[k] = per * (double)from[k * SPHPA_LANES_ + l];
+    for (size_t k = 0; k < 6; k++) sums->x[k] = per * (double)from[(9 + k) * SPHPA_LANES_ + l];
+    sums->count = (double)from[15 * SPHPA_LANES_ + l];
+}
+
+/* The lanes' own numbers in a loop over pairs. */
+typedef struct sphpa_solid_own_ {
+    sphpa_lanes_ x[3], v[3], per_h, scale;
+    sphpa_lanes_ root, body, broken;   /* these where not all is of one kind */
+    sphpa_mask_ choosy, relaxed;       /* not strained by all; not under pressure */
+    bool by_volume, stick, any;        /* weights of (2) between bodies; of the parameters */
+} sphpa_solid_own_;
+
+SPHPA_FORCE_INLINE_ void sphpa_solid_own_of_(const sphpa_solid_params *solid,
+                                             const sphpa_group *near,
+                                             const sphpa_solid_point_ *points, size_t stride,
+                                             bool mixed, sphpa_solid_own_ *own) {
+    sphpa_lanes_own_x_(near, stride, own->x);
+    for (int a = 0; a < 3; a++) own->v[a] = sphpa_lanes_load_(near, &points->v[a], stride);
+    own->per_h = sphpa_lanes_load_(near, &points->per_h, stride);
+    own->scale = sphpa_lanes_load_(near, &points->scale, stride);
+    own->by_volume = !solid->correction;
+    own->stick = solid->bodies_stick != 0;
+    own->any = solid->any_neighbour != 0;
+    if (!mixed) return;
+    own->root = sphpa_lanes_load_(near, &points->root, stride);
+    own->body = sphpa_lanes_load_(near, &points->body, stride);
+    own->broken = sphpa_lanes_load_(near, &points->broken, stride);
+    sphpa_lanes_ whole = sphpa_lanes_of_(own->any ? SPHPA_R(-1.0) : SPHPA_R(0.5));
+    own->choosy = (sphpa_mask_)(own->broken < whole);
+    own->relaxed = (sphpa_mask_)(sphpa_lanes_load_(near, &points->relaxed, stride) > SPHPA_R(0.5));
+}
+
+/* whether all of the group and all near it are whole, or all broken, and of one body: then pairs
+   need not be told apart */
+SPHPA_PRIVATE_ bool sphpa_solid_mixed_(const sphpa_group *near, size_t stride) {
+    const char *records = near->records;
+    const sphpa_solid_point_ *first =
+        (const sphpa_solid_point_ *)(const void *)(records + near->first * stride);
+    sphpa_real differs = SPHPA_R(0.0);
+    for (size_t k = 0; k < near->entries; k++) { /* the group itself is in the list */
+        size_t at = SPHPA_TREE_ENTRY_INDEX(near->list[k]) * stride;
+        const sphpa_solid_point_ *j = (const sphpa_solid_point_ *)(const void *)(records + at);
+        sphpa_real body = j->body - first->body, broken = j->broken - first->broken;
+        differs += body * body + broken * broken;
+    }
+    return differs > SPHPA_R(0.0);
+}
+
+/* (dW/dr)/r of both, the mean */
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_solid_slope_(const sphpa_solid_own_ *i,
+                                                    const sphpa_solid_point_ *j, int shape,
+                                                    sphpa_lanes_ r, sphpa_lanes_ r2) {
+    sphpa_lanes_ w, own, other;
+    sphpa_lanes_kernel_(shape, r * i->per_h, &w, &own);
+    sphpa_lanes_kernel_(shape, r * j->per_h, &w, &other);
+    return (i->scale * own + j->scale * other) * sphpa_lanes_per_r_(r, r2);
+}
+
+/* Neighbour j's part in the sums of all lanes; g: (dW/dr)/r. Who counts, and for what, is decided
+   here alone: see (2). What asks whether pairs are of a kind is left out where all are (mixed). */
+SPHPA_FORCE_INLINE_ void sphpa_solid_gather_(const sphpa_solid_own_ *i, const sphpa_solid_point_ *j,
+                                             bool corrected, bool mixed, sphpa_lanes_ g,
+                                             const sphpa_lanes_ d[3], const sphpa_lanes_ v[3],
+                                             sphpa_solid_lane_sums_ *all,
+                                             sphpa_solid_lane_sums_ *left_out) {
+    if (!mixed) {
+        sphpa_solid_sum_(all, corrected, g * j->part, d, v);
+        return;
+    }
+    sphpa_lanes_ vx = v[0] * d[0] + v[1] * d[1] + v[2] * d[2], part = sphpa_lanes_of_(j->part);
+    sphpa_mask_ foreign = (sphpa_mask_)(i->body != j->body);
+    sphpa_mask_ gone = (sphpa_mask_)(sphpa_lanes_of_(j->broken) > SPHPA_R(0.5));
+    sphpa_mask_ out = i->choosy & (gone | foreign);
+    sphpa_mask_ loose = i->choosy & gone;
+    if (!i->stick) loose = loose | foreign;
+    sphpa_mask_ leaves = i->relaxed & loose & (sphpa_mask_)(vx < SPHPA_R(0.0));
+    if (i->by_volume) part = sphpa_lanes_pick_(foreign, j->volume * i->root, part);
+    g = g * part;
+    g = g - SPHPA_LANES_IF_(leaves, g); /* it leaves, and pulls at nothing */
+    sphpa_solid_sum_(all, corrected, g, d, v);
+    sphpa_solid_sum_(left_out, true, SPHPA_LANES_IF_(out, g), d, v);
 }
 
 SPHPA_PRIVATE_ double sphpa_ramp_(double a, double zero, double one) {
@@ -10835,19 +10949,46 @@ SPHPA_PRIVATE_ void sphpa_solid_store_(sphpa_sim *sim, const sphpa_solid_params 
     }
 }
 
-SPHPA_PRIVATE_ void sphpa_solid_gradients_(sphpa_sim *sim, void *params,
-                                           const sphpa_neighbours *near) {
+SPHPA_FORCE_INLINE_ void sphpa_solid_gradients_in_(const sphpa_solid_params *solid,
+                                                   const sphpa_group *near, int shape,
+                                                   bool corrected, bool mixed,
+                                                   sphpa_solid_lane_sums_ out[2]) {
+    const sphpa_solid_point_ *points = (const sphpa_solid_point_ *)(const void *)near->records;
+    sphpa_solid_own_ i;
+    sphpa_solid_lane_sums_ all, left_out;
+    sphpa_lanes_ d[3], v[3];
+    sphpa_solid_zero_(&all);
+    sphpa_solid_zero_(&left_out);
+    sphpa_solid_own_of_(solid, near, points, sizeof *points, mixed, &i);
+    for (size_t k = 0; k < near->entries; k++) {
+        const sphpa_solid_point_ *j = points + SPHPA_TREE_ENTRY_INDEX(near->list[k]);
+        sphpa_lanes_ r2 = sphpa_lanes_apart_(near, near->list[k], j->x, i.x, d);
+        sphpa_lanes_ g = sphpa_solid_slope_(&i, j, shape, sphpa_lanes_sqrt_(r2), r2);
+        for (int a = 0; a < 3; a++) v[a] = j->v[a] - i.v[a];
+        sphpa_solid_gather_(&i, j, corrected, mixed, g, d, v, &all, &left_out);
+    }
+    out[0] = all;
+    out[1] = left_out;
+}
+
+SPHPA_PRIVATE_ void sphpa_solid_gradients_(sphpa_sim *sim, void *params, const sphpa_group *near) {
     const sphpa_solid_params *solid = (const sphpa_solid_params *)params;
     const sphpa_solid_point_ *points = (const sphpa_solid_point_ *)(const void *)near->records;
-    const sphpa_solid_point_ *own = points + near->i;
-    sphpa_solid_rates_ rates;
-    double *gi, *gj, per_root = 1.0 / own->root;
-    memset(&rates, 0, sizeof rates);
-    sphpa_pair_gradients_(sim, near, &gi, &gj);
-    for (size_t k = 0; k < near->count; k++)
-        sphpa_solid_gather_(solid, own, points + near->j[k], per_root, 0.5 * (gi[k] + gj[k]),
-                            near->dx[k], near->dy[k], near->dz[k], &rates);
-    sphpa_solid_store_(sim, solid, near->i, &rates, false);
+    sphpa_shape_ shape = sphpa_shape_of_(sim);
+    sphpa_solid_lane_sums_ sums[2];
+    bool mixed = sphpa_solid_mixed_(near, sizeof *points);
+    if (shape.shape != 0)
+        sphpa_solid_gradients_in_(solid, near, shape.shape, true, true, sums);
+    else if (mixed) sphpa_solid_gradients_in_(solid, near, 0, true, true, sums);
+    else if (solid->correction) sphpa_solid_gradients_in_(solid, near, 0, true, false, sums);
+    else sphpa_solid_gradients_in_(solid, near, 0, false, false, sums);
+    for (size_t l = 0; l < sphpa_lanes_used_(near); l++) {
+        sphpa_solid_rates_ rates;
+        double per = 1.0 / (double)points[near->first + l].root;
+        sphpa_solid_lane_(&sums[0], l, per, &rates.all);
+        sphpa_solid_lane_(&sums[1], l, per, &rates.left_out);
+        sphpa_solid_store_(sim, solid, near->first + l, &rates, false);
+    }
 }
 
 /* ---- the state of a particle: equations (3) and (4) ------------------------------------------ */
@@ -10943,34 +11084,36 @@ SPHPA_PRIVATE_ sphpa_result sphpa_solid_stress_(sphpa_sim *sim, void *params, si
 
 typedef struct sphpa_solid_record_ {
     sphpa_solid_point_ point; /* its v is that of the middle of the kick */
-    double v[3];    /* [m/s] of this evaluation */
-    double T[9];    /* sigma' C/rho^(1+p), p of (2) */
-    double push;    /* max(P, 0)/rho^(1+p), all that passes between bodies */
-    double share;   /* rho^(p-1), that T of a neighbour is multiplied by */
-    double m, c, f; /* [kg]; [m/s] of the viscosity; Balsara's factor, 1 without */
-    double R[6];    /* artificial stress over rho^2 */
+    sphpa_real v[3];          /* [m/s] of this evaluation */
+    sphpa_real m, T[9];       /* [kg]; sigma' C/rho^(1+p), p of (2) */
+    sphpa_real push;          /* max(P, 0)/rho^(1+p), all that passes between bodies */
+    sphpa_real share;         /* rho^(p-1), that T of a neighbour is multiplied by */
+    sphpa_viscous_ viscous;
+    sphpa_real R[6];          /* artificial stress over rho^2 */
 } sphpa_solid_record_;
 
 /* R of (7): the tensile principal stresses, turned round and scaled */
-SPHPA_PRIVATE_ void sphpa_solid_artificial_(const sphpa_sym3 *sigma, double scale, double R[6]) {
+SPHPA_PRIVATE_ void sphpa_solid_artificial_(const sphpa_sym3 *sigma, double scale,
+                                            sphpa_real R[6]) {
     double value[3], axis[3][3];
     static const int row[6] = {0, 1, 2, 0, 1, 0}, column[6] = {0, 1, 2, 1, 2, 2};
     sphpa_sym3_eigen(sigma, value, axis);
     for (int k = 0; k < 6; k++) {
-        R[k] = 0.0;
+        double sum = 0.0;
         for (int e = 0; e < 3; e++)
-            if (value[e] > 0.0) R[k] -= scale * value[e] * axis[e][row[k]] * axis[e][column[k]];
+            if (value[e] > 0.0) sum -= scale * value[e] * axis[e][row[k]] * axis[e][column[k]];
+        R[k] = (sphpa_real)sum;
     }
 }
 
 SPHPA_PRIVATE_ void sphpa_solid_pack_one_(const sphpa_sim *sim, const sphpa_solid_params *solid,
-                                          size_t i, sphpa_solid_record_ *record) {
+                                          const sphpa_shape_ *shape, size_t i,
+                                          sphpa_solid_record_ *record) {
     const sphpa_particles *p = &sim->p;
-    double rho = p->rho[i], P = (double)p->P[i];
-    sphpa_solid_point_of_(p, solid, i, rho, &record->point);
-    double per = 1.0 / (rho * record->point.root);
-    record->share = record->point.root / rho;
-    double whole = 1.0 - record->point.D;
+    double rho = p->rho[i], P = (double)p->P[i], root = solid->correction ? sqrt(rho) : rho;
+    sphpa_solid_point_of_(sim, solid, shape, i, rho, &record->point);
+    double per = 1.0 / (rho * root), push = sphpa_max_(P, 0.0) * per, T[9];
+    double whole = p->D != NULL ? 1.0 - (double)p->D[i] : 1.0;
     sphpa_sym3 sigma = sphpa_sym3_load_(p->S + 6 * i), C = {1.0, 1.0, 1.0, 0.0, 0.0, 0.0};
     double shear = sphpa_solid_material_(solid, sim, i)->damage_in_yield ? 1.0 : whole;
     double pressure = P < 0.0 ? whole * P : P;
@@ -10978,178 +11121,276 @@ SPHPA_PRIVATE_ void sphpa_solid_pack_one_(const sphpa_sim *sim, const sphpa_soli
     sigma.yy = shear * sigma.yy - pressure;
     sigma.zz = shear * sigma.zz - pressure;
     sigma.xy *= shear, sigma.yz *= shear, sigma.xz *= shear;
-    for (int k = 0; k < 6; k++) record->R[k] = 0.0;
+    for (int k = 0; k < 6; k++) record->R[k] = SPHPA_R(0.0);
     if (solid->artificial_stress > 0.0)
         sphpa_solid_artificial_(&sigma, solid->artificial_stress / (rho * rho), record->R);
-    record->push = sphpa_max_(P, 0.0) * per;
     /* C of a particle at a cut knows one side only; pressure acts across, and goes without it */
-    double across = p->cut[i] > 0 ? record->push : 0.0;
+    double across = p->cut[i] > 0 ? push : 0.0;
     const double A[9] = {per * sigma.xx + across, per * sigma.xy, per * sigma.xz,
                          per * sigma.xy, per * sigma.yy + across, per * sigma.yz,
                          per * sigma.xz, per * sigma.yz, per * sigma.zz + across};
     if (p->C != NULL) C = sphpa_sym3_load_(p->C + 6 * i);
-    sphpa_solid_times_(A, &C, record->T);
-    for (size_t a = 0; a < 9; a += 4) record->T[a] -= across;
+    sphpa_solid_times_(A, &C, T);
+    for (size_t a = 0; a < 9; a++)
+        record->T[a] = (sphpa_real)(a % 4 == 0 ? T[a] - across : T[a]);
     for (size_t a = 0; a < 3; a++) {
-        record->v[a] = (double)p->v[3 * i + a];
-        record->point.v[a] = sphpa_sim_mean_v_(sim, 3 * i + a);
+        record->v[a] = p->v[3 * i + a];
+        record->point.v[a] = (sphpa_real)sphpa_sim_mean_v_(sim, 3 * i + a);
     }
-    record->m = (double)p->m[i];
-    record->c = (double)(p->c_visc != NULL ? p->c_visc[i] : p->c[i]);
-    record->f = p->balsara != NULL ? (double)p->balsara[i] : 1.0;
+    record->m = p->m[i];
+    record->push = (sphpa_real)push;
+    record->share = (sphpa_real)(root / rho);
+    record->viscous.h = p->h[i];
+    record->viscous.rho = (sphpa_real)rho;
+    record->viscous.c = p->c_visc != NULL ? p->c_visc[i] : p->c[i];
+    record->viscous.f = p->balsara != NULL ? SPHPA_R(0.5) * p->balsara[i] : SPHPA_R(0.5);
 }
 
 SPHPA_PRIVATE_ void sphpa_solid_pack_(const sphpa_sim *sim, const void *params, size_t first,
                                       size_t last, void *records) {
+    sphpa_shape_ shape = sphpa_shape_of_(sim);
     for (size_t i = first; i < last; i++)
-        sphpa_solid_pack_one_(sim, (const sphpa_solid_params *)params, i,
+        sphpa_solid_pack_one_(sim, (const sphpa_solid_params *)params, &shape, i,
                               (sphpa_solid_record_ *)records + i);
 }
 
-/* What forces and energy need besides the pair: constants of a traversal. */
-typedef struct sphpa_solid_pair_ {
-    double a, b;        /* of the viscosity */
-    double h;           /* [m] of i */
-    double per_W, exponent; /* 1/W(spacing) of i; n of (5), 0: no artificial stress */
-    bool stick; /* between bodies */
-    bool by_volume; /* weights of (2) between bodies */
-    bool any;   /* broken neighbours count as whole ones */
-} sphpa_solid_pair_;
+/* Constants of (7): f^n = (per_W norm w(q))^n with the pair's mean h; n = 0: none. */
+typedef struct sphpa_solid_stretch_ {
+    double per_W, exponent;
+} sphpa_solid_stretch_;
 
-SPHPA_PRIVATE_ sphpa_solid_pair_ sphpa_solid_pair_of_(const sphpa_sim *sim,
-                                                      const sphpa_solid_params *solid, size_t i) {
-    sphpa_solid_pair_ pair;
-    pair.a = sphpa_viscosity_a_(&solid->viscosity);
-    pair.b = sphpa_viscosity_b_(&solid->viscosity);
-    pair.h = (double)sim->p.h[i];
-    pair.per_W = pair.exponent = 0.0;
-    pair.stick = solid->bodies_stick != 0;
-    pair.by_volume = !solid->correction;
-    pair.any = solid->any_neighbour != 0;
-    if (solid->artificial_stress > 0.0) {
-        double spacing = solid->spacing > 0.0 ? solid->spacing : 1.0 / 1.2;
-        pair.exponent = solid->artificial_exponent > 0.0 ? solid->artificial_exponent : 4.0;
-        pair.per_W = 1.0 / sphpa_kernel_w(sim->options.kernel, sim->p.dim, spacing, 1.0);
-    }
-    return pair;
+SPHPA_PRIVATE_ sphpa_solid_stretch_ sphpa_solid_stretch_of_(const sphpa_sim *sim,
+                                                            const sphpa_solid_params *solid) {
+    sphpa_solid_stretch_ stretch = {0.0, 0.0};
+    if (!(solid->artificial_stress > 0.0)) return stretch;
+    sphpa_shape_ shape = sphpa_shape_of_(sim);
+    double spacing = solid->spacing > 0.0 ? solid->spacing : 1.0 / 1.2;
+    stretch.exponent = solid->artificial_exponent > 0.0 ? solid->artificial_exponent : 4.0;
+    stretch.per_W =
+        shape.norm / sphpa_kernel_w(sim->options.kernel, sim->p.dim, spacing, 1.0);
+    return stretch;
 }
 
-/* f^n of (7) for all neighbours, with the pairs' mean h, in scratch[2]; NULL without */
-SPHPA_PRIVATE_ const double *sphpa_solid_near_(const sphpa_sim *sim, const sphpa_solid_pair_ *pair,
-                                               const sphpa_neighbours *near) {
-    double *q = near->scratch[1], *f = near->scratch[2];
-    if (!(pair->exponent > 0.0)) return NULL;
-    for (size_t k = 0; k < near->count; k++) q[k] = near->r[k] / (0.5 * (pair->h + near->h[k]));
-    sphpa_kernel_shape_batch(sim->options.kernel, sim->p.dim, near->count, q, f, NULL);
-    for (size_t k = 0; k < near->count; k++) f[k] *= pair->per_W;
-    if (pair->exponent == 4.0)
-        for (size_t k = 0; k < near->count; k++) f[k] = (f[k] * f[k]) * (f[k] * f[k]);
-    else
-        for (size_t k = 0; k < near->count; k++) f[k] = pow(f[k], pair->exponent);
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_solid_near_(const sphpa_solid_stretch_ *stretch, int shape,
+                                                   sphpa_lanes_ r, sphpa_lanes_ h) {
+    sphpa_lanes_ f, df;
+    sphpa_lanes_kernel_(shape, r / h, &f, &df);
+    f = f * (sphpa_real)stretch->per_W;
+    if (stretch->exponent == 4.0) return (f * f) * (f * f);
+    for (size_t l = 0; l < SPHPA_LANES_; l++)
+        SPHPA_LANE_(f, l) = (sphpa_real)pow((double)SPHPA_LANE_(f, l), stretch->exponent);
     return f;
 }
 
-/* tension and shear pass between two particles of one body that are both whole or both broken: what
-   a whole one is not strained by (2) it must not work on either, or debris feeds on its stress */
-SPHPA_FORCE_INLINE_ bool sphpa_solid_joined_(const sphpa_solid_pair_ *pair,
-                                             const sphpa_solid_record_ *i,
-                                             const sphpa_solid_record_ *j) {
-    return (pair->stick || i->point.body == j->point.body) &&
-           (pair->any || (i->point.D >= 1.0) == (j->point.D >= 1.0));
+/* What forces and energy have in common: the lanes' own numbers, and the pair at hand. */
+typedef struct sphpa_solid_pair_ {
+    sphpa_solid_own_ own;
+    sphpa_lanes_ v[3], R[6];
+    sphpa_viscous_lanes_ viscous;
+    sphpa_solid_stretch_ stretch;
+    sphpa_lanes_ d[3], g, mu; /* x_ij, (dW/dr)/r, mu of the viscosity */
+    sphpa_lanes_ shared[3];   /* (-Pi I + f^n (R_i + R_j)) x_ij, both particles' */
+    sphpa_mask_ foreign, joined;
+} sphpa_solid_pair_;
+
+SPHPA_FORCE_INLINE_ void sphpa_solid_pair_begin_(const sphpa_solid_params *solid,
+                                                 const sphpa_group *near, bool mixed,
+                                                 sphpa_solid_pair_ *i) {
+    const sphpa_solid_record_ *records = (const sphpa_solid_record_ *)(const void *)near->records;
+    size_t stride = sizeof *records;
+    sphpa_solid_own_of_(solid, near, &records->point, stride, mixed, &i->own);
+    for (int a = 0; a < 3; a++) i->v[a] = sphpa_lanes_load_(near, &records->v[a], stride);
+    for (int a = 0; a < 6 && mixed; a++) i->R[a] = sphpa_lanes_load_(near, &records->R[a], stride);
+    sphpa_viscous_own_(&solid->viscosity, near, &records->viscous, stride, &i->viscous);
 }
 
-/* scalar and tensor parts of what both particles share: -Pi and f^n (R_i + R_j), times x_ij */
-SPHPA_FORCE_INLINE_ void sphpa_solid_shared_(const sphpa_solid_pair_ *pair,
-                                             const sphpa_solid_record_ *i,
-                                             const sphpa_solid_record_ *j,
-                                             const sphpa_neighbours *near, const double *close,
-                                             size_t k, double out[3], double *mu) {
-    double x = near->dx[k], y = near->dy[k], z = near->dz[k], pi = 0.0;
-    double vx = (i->v[0] - j->v[0]) * x + (i->v[1] - j->v[1]) * y + (i->v[2] - j->v[2]) * z;
-    *mu = 0.0;
-    if (vx < 0.0)
-        pi = 0.5 * (i->f + j->f) *
-             sphpa_viscosity_pi_(pair->a, pair->b, vx, near->r[k] * near->r[k],
-                                 0.5 * (pair->h + near->h[k]), 0.5 * (i->c + j->c),
-                                 0.5 * (i->point.rho + j->point.rho), mu);
-    out[0] = -pi * x, out[1] = -pi * y, out[2] = -pi * z;
-    if (close != NULL && sphpa_solid_joined_(pair, i, j)) {
-        double R[6];
-        for (int c = 0; c < 6; c++) R[c] = close[k] * (i->R[c] + j->R[c]);
-        out[0] += R[0] * x + R[3] * y + R[5] * z;
-        out[1] += R[3] * x + R[1] * y + R[4] * z;
-        out[2] += R[5] * x + R[4] * y + R[2] * z;
+/* Tension and shear pass between two particles of one body that are both whole or both broken: what
+   a whole one is not strained by (2) it must not work on either, or debris feeds on its stress. */
+SPHPA_FORCE_INLINE_ void sphpa_solid_join_(sphpa_solid_pair_ *i, const sphpa_solid_point_ *j) {
+    i->foreign = (sphpa_mask_)(i->own.body != j->body);
+    sphpa_mask_ one = (sphpa_mask_)(i->own.body == j->body);
+    sphpa_mask_ alike = (sphpa_mask_)(i->own.broken == j->broken);
+    sphpa_mask_ all = (sphpa_mask_)(i->own.body == i->own.body);
+    i->joined = (i->own.stick ? all : one) & (i->own.any ? all : alike);
+}
+
+/* the same numbers in the forces and in the energy, so that they balance; artificial stress only
+   where pairs are told apart */
+SPHPA_FORCE_INLINE_ void sphpa_solid_meet_(const sphpa_group *near, int shape, bool mixed,
+                                           uint32_t entry, const sphpa_solid_record_ *j,
+                                           sphpa_solid_pair_ *i) {
+    sphpa_lanes_ r2 = sphpa_lanes_apart_(near, entry, j->point.x, i->own.x, i->d);
+    sphpa_lanes_ r = sphpa_lanes_sqrt_(r2);
+    const sphpa_lanes_ *d = i->d;
+    i->g = sphpa_solid_slope_(&i->own, &j->point, shape, r, r2);
+    sphpa_lanes_ vx =
+        (i->v[0] - j->v[0]) * d[0] + (i->v[1] - j->v[1]) * d[1] + (i->v[2] - j->v[2]) * d[2];
+    sphpa_lanes_ pi = sphpa_viscous_pi_(&i->viscous, &j->viscous, vx, r2, &i->mu);
+    for (int a = 0; a < 3; a++) i->shared[a] = -(pi * d[a]);
+    if (!mixed) return;
+    sphpa_solid_join_(i, &j->point);
+    if (!(i->stretch.exponent > 0.0)) return;
+    sphpa_lanes_ R[6], h = SPHPA_R(0.5) * (i->viscous.h + j->viscous.h);
+    sphpa_lanes_ close = SPHPA_LANES_IF_(i->joined, sphpa_solid_near_(&i->stretch, shape, r, h));
+    for (int c = 0; c < 6; c++) R[c] = close * (i->R[c] + j->R[c]);
+    i->shared[0] += R[0] * d[0] + R[3] * d[1] + R[5] * d[2];
+    i->shared[1] += R[3] * d[0] + R[1] * d[1] + R[4] * d[2];
+    i->shared[2] += R[5] * d[0] + R[4] * d[1] + R[2] * d[2];
+}
+
+/* by what T_a of a pair's particle a is multiplied: its neighbour b's share */
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_solid_share_(const sphpa_solid_pair_ *i, bool mixed,
+                                                    sphpa_lanes_ rho_a, sphpa_lanes_ rho_b,
+                                                    sphpa_lanes_ share_b) {
+    if (!mixed || !i->own.by_volume) return share_b;
+    return sphpa_lanes_pick_(i->foreign, rho_a / rho_b, share_b);
+}
+
+/* what the forces of a group come to, lane by lane */
+typedef struct sphpa_solid_pushed_ {
+    sphpa_real own[3][SPHPA_LANES_], pushed[3][SPHPA_LANES_]; /* sums that T and -push multiply */
+    sphpa_real rest[3][SPHPA_LANES_], mu_max[SPHPA_LANES_];
+} sphpa_solid_pushed_;
+
+/* Equation (5). What i itself adds is T_i of a sum of vectors: T_i waits for the end. */
+SPHPA_FORCE_INLINE_ void sphpa_solid_push_(const sphpa_solid_params *solid,
+                                           const sphpa_solid_stretch_ *stretch,
+                                           const sphpa_group *near, int shape, bool mixed,
+                                           sphpa_solid_pushed_ *out) {
+    const sphpa_solid_record_ *records = (const sphpa_solid_record_ *)(const void *)near->records;
+    sphpa_solid_pair_ i;
+    sphpa_lanes_ zero = sphpa_lanes_of_(SPHPA_R(0.0)), most = zero;
+    sphpa_lanes_ own[3] = {zero, zero, zero}, pushed[3] = {zero, zero, zero};
+    sphpa_lanes_ rest[3] = {zero, zero, zero};
+    i.stretch = *stretch;
+    sphpa_solid_pair_begin_(solid, near, mixed, &i);
+    sphpa_lanes_ share_i = sphpa_lanes_load_(near, &records->share, sizeof *records);
+    for (size_t k = 0; k < near->entries; k++) {
+        const sphpa_solid_record_ *j = records + SPHPA_TREE_ENTRY_INDEX(near->list[k]);
+        sphpa_solid_meet_(near, shape, mixed, near->list[k], j, &i);
+        sphpa_lanes_ g = i.g * j->m, rho = sphpa_lanes_of_(j->viscous.rho);
+        sphpa_lanes_ mine = g * sphpa_solid_share_(&i, mixed, i.viscous.rho, rho,
+                                                   sphpa_lanes_of_(j->share));
+        sphpa_lanes_ theirs = g * sphpa_solid_share_(&i, mixed, rho, i.viscous.rho, share_i);
+        for (int a = 0; a < 3; a++) {
+            sphpa_lanes_ t = j->T[3 * a] * i.d[0] + j->T[3 * a + 1] * i.d[1] +
+                             j->T[3 * a + 2] * i.d[2];
+            sphpa_lanes_ part = mine * i.d[a];
+            if (mixed) {
+                t = sphpa_lanes_pick_(i.joined, t, -(j->push * i.d[a]));
+                own[a] += SPHPA_LANES_IF_(i.joined, part);
+                pushed[a] += part - SPHPA_LANES_IF_(i.joined, part);
+            } else own[a] += part;
+            rest[a] += theirs * t + g * i.shared[a];
+        }
+        most = sphpa_lanes_max_(most, SPHPA_LANES_IF_(i.g < SPHPA_R(0.0), -i.mu));
     }
+    memcpy(out->own, own, sizeof own);
+    memcpy(out->pushed, pushed, sizeof pushed);
+    memcpy(out->rest, rest, sizeof rest);
+    memcpy(out->mu_max, &most, sizeof most);
 }
 
-/* what i adds to the pair's force, T_i.x rho_j^(p-1): with w_ij of (2) its heat is sigma':L/rho */
-SPHPA_FORCE_INLINE_ void sphpa_solid_own_(const sphpa_solid_pair_ *pair,
-                                          const sphpa_solid_record_ *i,
-                                          const sphpa_solid_record_ *j, double x, double y,
-                                          double z, double out[3]) {
-    double share = j->share;
-    if (pair->by_volume && i->point.body != j->point.body) share = i->point.rho / j->point.rho;
-    if (sphpa_solid_joined_(pair, i, j)) {
-        x *= share, y *= share, z *= share;
-        for (int a = 0; a < 3; a++)
-            out[a] = i->T[3 * a] * x + i->T[3 * a + 1] * y + i->T[3 * a + 2] * z;
-        return;
-    }
-    double push = -i->push * share;
-    out[0] = push * x, out[1] = push * y, out[2] = push * z;
-}
-
-SPHPA_PRIVATE_ void sphpa_solid_forces_(sphpa_sim *sim, void *params,
-                                        const sphpa_neighbours *near) {
+SPHPA_PRIVATE_ void sphpa_solid_forces_(sphpa_sim *sim, void *params, const sphpa_group *near) {
     const sphpa_solid_params *solid = (const sphpa_solid_params *)params;
     const sphpa_solid_record_ *records = (const sphpa_solid_record_ *)(const void *)near->records;
-    const sphpa_solid_record_ *own = records + near->i;
-    sphpa_solid_pair_ pair = sphpa_solid_pair_of_(sim, solid, near->i);
-    double sum[3] = {0.0, 0.0, 0.0}, mu_max = 0.0, mu, shared[3], mine[3], theirs[3];
-    double *gi, *gj;
-    sphpa_pair_gradients_(sim, near, &gi, &gj);
-    const double *close = sphpa_solid_near_(sim, &pair, near);
-    for (size_t k = 0; k < near->count; k++) {
-        const sphpa_solid_record_ *other = records + near->j[k];
-        double g = 0.5 * other->m * (gi[k] + gj[k]);
-        double x = near->dx[k], y = near->dy[k], z = near->dz[k];
-        sphpa_solid_shared_(&pair, own, other, near, close, k, shared, &mu);
-        sphpa_solid_own_(&pair, own, other, x, y, z, mine);
-        sphpa_solid_own_(&pair, other, own, x, y, z, theirs);
-        for (int a = 0; a < 3; a++) sum[a] += g * (mine[a] + theirs[a] + shared[a]);
-        mu_max = sphpa_max_(mu_max, -mu);
+    sphpa_shape_ shape = sphpa_shape_of_(sim);
+    sphpa_solid_stretch_ stretch = sphpa_solid_stretch_of_(sim, solid);
+    sphpa_solid_pushed_ out;
+    bool mixed = stretch.exponent > 0.0 || sphpa_solid_mixed_(near, sizeof *records);
+    if (shape.shape != 0) {
+        mixed = true;
+        sphpa_solid_push_(solid, &stretch, near, shape.shape, true, &out);
+    } else if (mixed) sphpa_solid_push_(solid, &stretch, near, 0, true, &out);
+    else sphpa_solid_push_(solid, &stretch, near, 0, false, &out);
+    for (size_t l = 0; l < sphpa_lanes_used_(near); l++) {
+        size_t i = near->first + l;
+        const sphpa_solid_record_ *own = &records[i];
+        for (size_t a = 0; a < 3; a++) {
+            const sphpa_real *T = own->T + 3 * a;
+            sphpa_real sum = T[0] * out.own[0][l] + T[1] * out.own[1][l] + T[2] * out.own[2][l];
+            if (mixed) sum -= own->push * out.pushed[a][l];
+            sim->p.a[3 * i + a] += sum + out.rest[a][l];
+        }
+        sim->p.mu_max[i] = out.mu_max[l];
     }
-    for (size_t a = 0; a < 3; a++)
-        sim->p.a[3 * near->i + a] = (sphpa_real)((double)sim->p.a[3 * near->i + a] + sum[a]);
-    sim->p.mu_max[near->i] = (sphpa_real)mu_max;
+}
+
+/* sums of (2) with the time-centred velocities, and the heat that is not T : L of the particle */
+typedef struct sphpa_solid_heated_ {
+    sphpa_solid_lane_sums_ all, left_out;
+    sphpa_real work[SPHPA_LANES_];
+} sphpa_solid_heated_;
+
+/* Equation (6): where all pairs are joined the heat of i's stress is T_i : sum w_ij v outer grad W,
+   a sum that (2) needs anyway; where they are not, it is made pair by pair. */
+SPHPA_FORCE_INLINE_ void sphpa_solid_heat_(const sphpa_solid_params *solid,
+                                           const sphpa_solid_stretch_ *stretch,
+                                           const sphpa_group *near, int shape, bool corrected,
+                                           bool mixed, sphpa_solid_heated_ *out) {
+    const sphpa_solid_record_ *records = (const sphpa_solid_record_ *)(const void *)near->records;
+    sphpa_solid_pair_ i;
+    sphpa_solid_lane_sums_ all, left_out;
+    sphpa_lanes_ work = sphpa_lanes_of_(SPHPA_R(0.0)), v[3], T[9], push = work;
+    sphpa_solid_zero_(&all);
+    sphpa_solid_zero_(&left_out);
+    i.stretch = *stretch;
+    sphpa_solid_pair_begin_(solid, near, mixed, &i);
+    for (int a = 0; a < 9; a++) T[a] = sphpa_lanes_load_(near, &records->T[a], sizeof *records);
+    if (mixed) push = sphpa_lanes_load_(near, &records->push, sizeof *records);
+    for (size_t k = 0; k < near->entries; k++) {
+        const sphpa_solid_record_ *j = records + SPHPA_TREE_ENTRY_INDEX(near->list[k]);
+        sphpa_solid_meet_(near, shape, mixed, near->list[k], j, &i);
+        sphpa_lanes_ g = i.g * j->m, sum = sphpa_lanes_of_(SPHPA_R(0.0));
+        for (int a = 0; a < 3; a++) v[a] = j->point.v[a] - i.own.v[a];
+        if (mixed) {
+            sphpa_lanes_ mine = sphpa_solid_share_(&i, true, i.viscous.rho,
+                                                   sphpa_lanes_of_(j->viscous.rho),
+                                                   sphpa_lanes_of_(j->share));
+            for (int a = 0; a < 3; a++) {
+                sphpa_lanes_ t =
+                    T[3 * a] * i.d[0] + T[3 * a + 1] * i.d[1] + T[3 * a + 2] * i.d[2];
+                t = sphpa_lanes_pick_(i.joined, t, -(push * i.d[a]));
+                sum += v[a] * (mine * t + SPHPA_R(0.5) * i.shared[a]);
+            }
+        } else {
+            for (int a = 0; a < 3; a++) sum += v[a] * i.shared[a];
+            sum = SPHPA_R(0.5) * sum;
+        }
+        work += g * sum;
+        sphpa_solid_gather_(&i.own, &j->point, corrected, mixed, i.g, i.d, v, &all, &left_out);
+    }
+    if (!mixed)
+        for (int a = 0; a < 9; a++) work += T[a] * all.v[a];
+    out->all = all;
+    out->left_out = left_out;
+    memcpy(out->work, &work, sizeof work);
 }
 
 /* equation (6), and (2) once more with the time-centred velocities: the rates that the end of the
    step is made with. Were rho and S advanced with the predicted v, whose acceleration lags by a
    step, elastic waves would grow by (omega dt)^4/4 a step. */
-SPHPA_PRIVATE_ void sphpa_solid_energy_(sphpa_sim *sim, void *params,
-                                        const sphpa_neighbours *near) {
+SPHPA_PRIVATE_ void sphpa_solid_energy_(sphpa_sim *sim, void *params, const sphpa_group *near) {
     const sphpa_solid_params *solid = (const sphpa_solid_params *)params;
     const sphpa_solid_record_ *records = (const sphpa_solid_record_ *)(const void *)near->records;
-    const sphpa_solid_record_ *own = records + near->i;
-    sphpa_solid_pair_ pair = sphpa_solid_pair_of_(sim, solid, near->i);
-    sphpa_solid_rates_ rates;
-    double sum = 0.0, mu, shared[3], mine[3], *gi, *gj, per_root = 1.0 / own->point.root;
-    memset(&rates, 0, sizeof rates);
-    sphpa_pair_gradients_(sim, near, &gi, &gj);
-    const double *close = sphpa_solid_near_(sim, &pair, near);
-    for (size_t k = 0; k < near->count; k++) {
-        const sphpa_solid_record_ *other = records + near->j[k];
-        const double *v = own->point.v, *w = other->point.v;
-        double g = 0.5 * (gi[k] + gj[k]), dx = near->dx[k], dy = near->dy[k], dz = near->dz[k];
-        sphpa_solid_shared_(&pair, own, other, near, close, k, shared, &mu);
-        sphpa_solid_own_(&pair, own, other, dx, dy, dz, mine);
-        for (int a = 0; a < 3; a++)
-            sum += g * other->m * (w[a] - v[a]) * (mine[a] + 0.5 * shared[a]);
-        sphpa_solid_gather_(solid, &own->point, &other->point, per_root, g, dx, dy, dz, &rates);
+    sphpa_shape_ shape = sphpa_shape_of_(sim);
+    sphpa_solid_stretch_ stretch = sphpa_solid_stretch_of_(sim, solid);
+    sphpa_solid_heated_ out;
+    if (shape.shape != 0)
+        sphpa_solid_heat_(solid, &stretch, near, shape.shape, true, true, &out);
+    else if (stretch.exponent > 0.0 || sphpa_solid_mixed_(near, sizeof *records))
+        sphpa_solid_heat_(solid, &stretch, near, 0, true, true, &out);
+    else if (solid->correction) sphpa_solid_heat_(solid, &stretch, near, 0, true, false, &out);
+    else sphpa_solid_heat_(solid, &stretch, near, 0, false, false, &out);
+    for (size_t l = 0; l < sphpa_lanes_used_(near); l++) {
+        sphpa_solid_rates_ rates;
+        size_t i = near->first + l;
+        double per = 1.0 / (double)records[i].point.root;
+        sphpa_solid_lane_(&out.all, l, per, &rates.all);
+        sphpa_solid_lane_(&out.left_out, l, per, &rates.left_out);
+        sim->p.du[i] += out.work[l];
+        sphpa_solid_store_(sim, solid, i, &rates, true);
     }
-    sim->p.du[near->i] = (sphpa_real)((double)sim->p.du[near->i] + sum);
-    sphpa_solid_store_(sim, solid, near->i, &rates, true);
 }
 
 /* ---- limits and the module ------------------------------------------------------------------- */
@@ -11269,7 +11510,7 @@ SPHPA_PRIVATE_ void sphpa_solid_gradient_pass_(sphpa_module *module,
     gradients->uses = SPHPA_F(D);
     gradients->record_bytes = sizeof(sphpa_solid_point_);
     gradients->pack = sphpa_solid_pack_points_;
-    gradients->pair = sphpa_solid_gradients_;
+    gradients->group = sphpa_solid_gradients_;
 }
 
 SPHPA_PRIVATE_ void sphpa_solid_force_passes_(sphpa_module *module,
@@ -11289,8 +11530,8 @@ SPHPA_PRIVATE_ void sphpa_solid_force_passes_(sphpa_module *module,
     forces->uses = energy->uses = SPHPA_F(D) | SPHPA_F(c_visc);
     forces->record_bytes = energy->record_bytes = sizeof(sphpa_solid_record_);
     forces->pack = energy->pack = sphpa_solid_pack_;
-    forces->pair = sphpa_solid_forces_;
-    energy->pair = sphpa_solid_energy_;
+    forces->group = sphpa_solid_forces_;
+    energy->group = sphpa_solid_energy_;
 }
 
 SPHPA_DEF sphpa_module sphpa_solid(sphpa_solid_params *params) {
