@@ -25,7 +25,7 @@
    >>damage      Weibull flaws, Grady-Kipp growth, compaction damage of one state
    >>riemann     the exact Riemann solver of ideal gases
    -- the material line: above it pure functions of single states, without memory or particles --
-   >>tree        Morton-sorted octree: neighbours with variable support, lists, friends of friends
+   >>tree        octree along a Hilbert curve: neighbours, lists of groups, friends of friends
    >>particles   a structure of arrays made from one table of fields
    >>sph         scenes, modules and passes; the step, its limits, statistics and timings
    >>gas         a gas by density summation with grad-h terms
@@ -1103,7 +1103,7 @@ SPHPA_DEF sphpa_result sphpa_riemann_sample(double gamma, const sphpa_riemann_st
                                             sphpa_riemann_state *out);
 
 /* ================================================================================================
-   >>tree   Morton-sorted octree: neighbours with variable support, lists, friends of friends
+   >>tree   octree along a Hilbert curve: neighbours, lists of groups, friends of friends
    ------------------------------------------------------------------------------------------------
    Particle i with support s_i [m] (the radius where its kernel ends) is a neighbour of j if
        r_ij^2 < max(s_i, s_j)^2,   r_ij = |x_i - x_j| of the nearest image [m]                  (1)
@@ -1118,10 +1118,11 @@ SPHPA_DEF sphpa_result sphpa_riemann_sample(double gamma, const sphpa_riemann_st
    2013): then one neighbour at a time meets all of them at once, in the lanes of a vector.
    Friends of friends: i and j are linked if r_ij^2 < ((l_i + l_j)/2)^2, and groups are the
    connected components of the links.                                                           (4)
-   Particles are sorted along a Morton curve; a node is a range of them with the tight box and the
-   largest support of what is in it, and splits at the next three key bits that differ.
-   References: Morton 1966 (IBM Ottawa: the order). Barnes & Hut 1986, Nature 324, 446 (the
-   octree). Warren & Salmon 1993, Supercomputing '93 (keys). Hernquist & Katz 1989, ApJS 70, 419
+   Particles are sorted along a Hilbert curve, so that those in a row are close together; a node is
+   a range of them with the tight box and the largest support of what is in it, and splits at the
+   next three key bits that differ.
+   References: Hilbert 1891, Math. Ann. 38, 459; Skilling 2004, AIP Conf. Proc. 707, 381 (the order
+   in 3-D). Barnes & Hut 1986, Nature 324, 446 (the octree). Warren & Salmon 1993, Supercomputing '93 (keys). Hernquist & Katz 1989, ApJS 70, 419
    (trees for SPH). Verlet 1967, Phys. Rev. 159, 98 (lists). Pall & Hess 2013, CPC 184, 2641 (lists
    of groups). Davis et al. 1985, ApJ 292, 371 (friends of friends). Tarjan 1975, J. ACM 22, 215
    (disjoint sets).
@@ -6926,20 +6927,46 @@ SPHPA_FORCE_INLINE_ double sphpa_tree_r2_(const double *p, const double *q,
 
 /* ---- keys and sorting ------------------------------------------------------------------------ */
 
-SPHPA_PRIVATE_ uint64_t sphpa_tree_spread2_(uint64_t a) { /* 31 bits, a gap of 1 between them */
-    a = (a | (a << 16)) & 0x0000ffff0000ffffu;
-    a = (a | (a << 8)) & 0x00ff00ff00ff00ffu;
-    a = (a | (a << 4)) & 0x0f0f0f0f0f0f0f0fu;
-    a = (a | (a << 2)) & 0x3333333333333333u;
-    return (a | (a << 1)) & 0x5555555555555555u;
+/* The Hilbert curve's turns: of a cell's 2^dim parts, by their axes' bits (x first), the place along
+   the curve in the lowest dim bits, and above them how the curve is turned inside. */
+SPHPA_PRIVATE_ uint64_t sphpa_tree_hilbert2_(const uint64_t cell[3]) {
+    static const uint8_t turn[4][4] = {
+        {4, 1, 11, 2}, {0, 15, 5, 6}, {10, 9, 3, 12}, {14, 7, 13, 8},
+    };
+    uint64_t key = 0;
+    unsigned state = 0;
+    for (int bit = 30; bit >= 0; bit--) {
+        unsigned next = turn[state][((cell[0] >> bit) & 1u) << 1 | ((cell[1] >> bit) & 1u)];
+        key = key << 2 | (next & 3u);
+        state = next >> 2;
+    }
+    return key;
 }
 
-SPHPA_PRIVATE_ uint64_t sphpa_tree_spread3_(uint64_t a) { /* 21 bits, gaps of 2 between them */
-    a = (a | (a << 32)) & 0x001f00000000ffffu;
-    a = (a | (a << 16)) & 0x001f0000ff0000ffu;
-    a = (a | (a << 8)) & 0x100f00f00f00f00fu;
-    a = (a | (a << 4)) & 0x10c30c30c30c30c3u;
-    return (a | (a << 2)) & 0x1249249249249249u;
+SPHPA_PRIVATE_ uint64_t sphpa_tree_hilbert3_(const uint64_t cell[3]) {
+    static const uint8_t turn[24][8] = {
+        {8, 17, 27, 2, 39, 46, 52, 5}, {56, 71, 73, 86, 91, 20, 10, 13},
+        {48, 1, 103, 110, 115, 18, 12, 21}, {126, 129, 29, 26, 79, 80, 140, 3},
+        {148, 43, 37, 34, 127, 128, 78, 81}, {156, 45, 35, 42, 31, 6, 160, 105},
+        {72, 87, 139, 4, 57, 70, 50, 53}, {0, 171, 111, 76, 49, 58, 102, 61},
+        {180, 143, 83, 184, 69, 54, 66, 97}, {16, 123, 9, 74, 47, 60, 38, 77},
+        {132, 95, 85, 14, 67, 144, 82, 33}, {142, 55, 185, 96, 93, 116, 90, 11},
+        {188, 107, 175, 176, 101, 98, 62, 65}, {164, 109, 119, 22, 99, 106, 152, 41},
+        {174, 177, 63, 64, 117, 114, 92, 19}, {30, 125, 161, 122, 7, 172, 104, 75},
+        {130, 25, 133, 166, 179, 136, 84, 191}, {94, 15, 141, 28, 145, 32, 138, 51},
+        {146, 155, 149, 36, 137, 24, 190, 167}, {154, 157, 147, 44, 169, 182, 120, 135},
+        {162, 165, 121, 134, 187, 108, 168, 183}, {118, 173, 23, 124, 153, 170, 40, 59},
+        {178, 113, 131, 88, 181, 158, 68, 151}, {186, 163, 89, 112, 189, 100, 150, 159},
+    };
+    uint64_t key = 0;
+    unsigned state = 0;
+    for (int bit = 20; bit >= 0; bit--) {
+        unsigned next = turn[state][((cell[0] >> bit) & 1u) << 2 | ((cell[1] >> bit) & 1u) << 1 |
+                                    ((cell[2] >> bit) & 1u)];
+        key = key << 3 | (next & 7u);
+        state = next >> 3;
+    }
+    return key;
 }
 
 /* cubic cells: one scale for all axes */
@@ -6968,10 +6995,7 @@ SPHPA_PRIVATE_ uint64_t sphpa_tree_key_(const sphpa_tree_frame_ *frame, const do
         if (cell[a] > frame->last) cell[a] = frame->last; /* x at the upper face */
     }
     if (frame->dim == 1) return cell[0];
-    if (frame->dim == 2)
-        return (sphpa_tree_spread2_(cell[0]) << 1) | sphpa_tree_spread2_(cell[1]);
-    return (sphpa_tree_spread3_(cell[0]) << 2) | (sphpa_tree_spread3_(cell[1]) << 1) |
-           sphpa_tree_spread3_(cell[2]);
+    return frame->dim == 2 ? sphpa_tree_hilbert2_(cell) : sphpa_tree_hilbert3_(cell);
 }
 
 /* keys with what travels along, and room for as much again */
@@ -8547,25 +8571,46 @@ SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_pick_(sphpa_mask_ mask, sphpa_lanes
 #endif
 }
 
-SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_max_(sphpa_lanes_ a, sphpa_lanes_ b) {
-    return sphpa_lanes_pick_((sphpa_mask_)(a > b), a, b);
-}
+/* gcc 12 makes a compare and a blend of a maximum, and takes a vector apart for a root */
+#if SPHPA_VECTOR_BYTES_ == 32 && defined(__GNUC__) && !defined(__clang__)
+#ifdef SPHPA_FLOAT
+#define SPHPA_LANES_MAX_(a, b) __builtin_ia32_maxps256(a, b)
+#define SPHPA_LANES_SQRT_(a) __builtin_ia32_sqrtps256(a)
+#else
+#define SPHPA_LANES_MAX_(a, b) __builtin_ia32_maxpd256(a, b)
+#define SPHPA_LANES_SQRT_(a) __builtin_ia32_sqrtpd256(a)
+#endif
+#elif SPHPA_VECTOR_BYTES_ == 16 && defined(__SSE2__) && defined(__GNUC__) && !defined(__clang__)
+#ifdef SPHPA_FLOAT
+#define SPHPA_LANES_MAX_(a, b) __builtin_ia32_maxps(a, b)
+#define SPHPA_LANES_SQRT_(a) __builtin_ia32_sqrtps(a)
+#else
+#define SPHPA_LANES_MAX_(a, b) __builtin_ia32_maxpd(a, b)
+#define SPHPA_LANES_SQRT_(a) __builtin_ia32_sqrtpd(a)
+#endif
+#else
+#define SPHPA_LANES_MAX_(a, b) sphpa_lanes_pick_((sphpa_mask_)((a) > (b)), a, b)
+#define SPHPA_LANES_SQRT_(a) sphpa_lanes_sqrt_by_one_(a)
+#endif
 
-/* max(a, 0) and min(a, 0); 0 for NaN */
-SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_above_(sphpa_lanes_ a) {
-    return SPHPA_LANES_IF_(a > SPHPA_R(0.0), a);
-}
-SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_below_(sphpa_lanes_ a) {
-    return SPHPA_LANES_IF_(a < SPHPA_R(0.0), a);
-}
-
-/* through memory, else gcc 12 takes the vector apart and makes no vector of it again */
-SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_sqrt_(sphpa_lanes_ a) {
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_sqrt_by_one_(sphpa_lanes_ a) {
     sphpa_real t[SPHPA_LANES_];
     memcpy(t, &a, sizeof a);
     for (size_t l = 0; l < SPHPA_LANES_; l++) t[l] = SPHPA_SQRT_(t[l]);
     memcpy(&a, t, sizeof a);
     return a;
+}
+
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_sqrt_(sphpa_lanes_ a) { return SPHPA_LANES_SQRT_(a); }
+
+/* b where one of them is NaN */
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_max_(sphpa_lanes_ a, sphpa_lanes_ b) {
+    return SPHPA_LANES_MAX_(a, b);
+}
+
+/* max(a, 0); 0 for NaN */
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_above_(sphpa_lanes_ a) {
+    return sphpa_lanes_max_(a, sphpa_lanes_of_(SPHPA_R(0.0)));
 }
 
 /* Ahead of a wave numbers fall off to nothing, in float soon below 1e-38, where each operation on
@@ -10162,15 +10207,23 @@ SPHPA_PRIVATE_ sphpa_result sphpa_viscosity_check_(const char *who, const sphpa_
                            "negative none", who, v->a, v->b);
 }
 
-/* What the viscosity asks of a particle. */
+/* What the viscosity asks of a particle: halves, so that a pair's mean is a sum. */
 typedef struct sphpa_viscous_ {
-    sphpa_real h, rho, c, f; /* f: half of Balsara's factor, 1/2 without */
+    sphpa_real h, rho, ac, f; /* h/2; rho/2; a c/2; Balsara's factor/2 */
 } sphpa_viscous_;
 
 typedef struct sphpa_viscous_lanes_ {
-    sphpa_lanes_ h, rho, c, f;
-    sphpa_real a, b;
+    sphpa_lanes_ h, rho, ac, f;
+    sphpa_real b;
 } sphpa_viscous_lanes_;
+
+SPHPA_PRIVATE_ void sphpa_viscous_pack_(const sphpa_particles *p, double a, size_t i, double c,
+                                        sphpa_viscous_ *out) {
+    out->h = SPHPA_R(0.5) * p->h[i];
+    out->rho = (sphpa_real)(0.5 * p->rho[i]);
+    out->ac = (sphpa_real)(0.5 * a * c);
+    out->f = p->balsara != NULL ? SPHPA_R(0.5) * p->balsara[i] : SPHPA_R(0.5);
+}
 
 /* at: the first record's */
 SPHPA_FORCE_INLINE_ void sphpa_viscous_own_(const sphpa_viscosity *v, const sphpa_group *near,
@@ -10178,20 +10231,19 @@ SPHPA_FORCE_INLINE_ void sphpa_viscous_own_(const sphpa_viscosity *v, const sphp
                                             sphpa_viscous_lanes_ *own) {
     own->h = sphpa_lanes_load_(near, &at->h, stride);
     own->rho = sphpa_lanes_load_(near, &at->rho, stride);
-    own->c = sphpa_lanes_load_(near, &at->c, stride);
+    own->ac = sphpa_lanes_load_(near, &at->ac, stride);
     own->f = sphpa_lanes_load_(near, &at->f, stride);
-    own->a = (sphpa_real)sphpa_viscosity_a_(v);
     own->b = (sphpa_real)sphpa_viscosity_b_(v);
 }
 
-/* Pi of all lanes with one neighbour and *mu, from v.x; both are 0 where the pair recedes */
+/* -Pi of all lanes with one neighbour and *mu = -mu, from v.x; both are 0 where the pair recedes */
 SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_viscous_pi_(const sphpa_viscous_lanes_ *i,
                                                    const sphpa_viscous_ *j, sphpa_lanes_ vx,
                                                    sphpa_lanes_ r2, sphpa_lanes_ *mu) {
-    sphpa_lanes_ h = SPHPA_R(0.5) * (i->h + j->h), rho = SPHPA_R(0.5) * (i->rho + j->rho);
-    sphpa_lanes_ mu_rho = h * sphpa_lanes_below_(vx) / ((r2 + SPHPA_R(0.01) * (h * h)) * rho);
+    sphpa_lanes_ h = i->h + j->h, rho = i->rho + j->rho;
+    sphpa_lanes_ mu_rho = h * sphpa_lanes_above_(-vx) / ((SPHPA_R(0.01) * (h * h) + r2) * rho);
     *mu = mu_rho * rho;
-    return (i->f + j->f) * mu_rho * (i->b * *mu - SPHPA_R(0.5) * i->a * (i->c + j->c));
+    return -((i->f + j->f) * mu_rho * (i->b * *mu + (i->ac + j->ac)));
 }
 
 /* [s] Courant's limit with the viscosity's share (Monaghan 2005, eq. 5.2) */
@@ -10451,22 +10503,19 @@ SPHPA_PRIVATE_ void sphpa_gas_pack_(const sphpa_sim *sim, const void *params, si
                                     size_t last, void *records) {
     const sphpa_particles *p = &sim->p;
     sphpa_shape_ shape = sphpa_shape_of_(sim);
-    (void)params;
+    double a = sphpa_viscosity_a_(&((const sphpa_gas_params *)params)->viscosity);
     for (size_t i = first; i < last; i++) {
         sphpa_gas_record_ *record = (sphpa_gas_record_ *)records + i;
         double per_h = 1.0 / (double)p->h[i];
         sphpa_sim_position_(sim, i, record->x);
-        for (size_t a = 0; a < 3; a++) {
-            record->v[a] = p->v[3 * i + a];
-            record->mean_v[a] = (sphpa_real)sphpa_sim_mean_v_(sim, 3 * i + a);
+        for (size_t k = 0; k < 3; k++) {
+            record->v[k] = p->v[3 * i + k];
+            record->mean_v[k] = (sphpa_real)sphpa_sim_mean_v_(sim, 3 * i + k);
         }
         record->m = p->m[i];
-        record->viscous.rho = (sphpa_real)p->rho[i];
         record->force =
             (sphpa_real)((double)p->P[i] / ((double)p->omega[i] * p->rho[i] * p->rho[i]));
-        record->viscous.c = p->c[i];
-        record->viscous.f = p->balsara != NULL ? SPHPA_R(0.5) * p->balsara[i] : SPHPA_R(0.5);
-        record->viscous.h = p->h[i];
+        sphpa_viscous_pack_(p, a, i, (double)p->c[i], &record->viscous);
         record->per_h = (sphpa_real)per_h;
         record->scale = (sphpa_real)(shape.norm * sphpa_kernel_power_(per_h, shape.dim + 1));
     }
@@ -10477,7 +10526,7 @@ typedef struct sphpa_gas_pair_ {
     sphpa_lanes_ x[3], v[3], force, per_h, scale;
     sphpa_viscous_lanes_ viscous;
     sphpa_lanes_ d[3], vx, gi, gj; /* x_ij; v_ij.x_ij; m_j (dW/dr)/r with h of i and of j */
-    sphpa_lanes_ pi, mu;           /* Pi_ij/2 and mu; 0 where the pair recedes */
+    sphpa_lanes_ pi, mu;           /* -Pi_ij and -mu; 0 where the pair recedes */
 } sphpa_gas_pair_;
 
 SPHPA_FORCE_INLINE_ void sphpa_gas_own_(const sphpa_gas_params *gas, const sphpa_group *near,
@@ -10502,7 +10551,7 @@ SPHPA_FORCE_INLINE_ void sphpa_gas_meet_(const sphpa_group *near, int shape, uin
     i->gj = j->scale * dw * per_r;
     i->vx = (i->v[0] - j->v[0]) * i->d[0] + (i->v[1] - j->v[1]) * i->d[1] +
             (i->v[2] - j->v[2]) * i->d[2];
-    i->pi = SPHPA_R(0.5) * sphpa_viscous_pi_(&i->viscous, &j->viscous, i->vx, r2, &i->mu);
+    i->pi = sphpa_viscous_pi_(&i->viscous, &j->viscous, i->vx, r2, &i->mu);
 }
 
 /* lane by lane: the acceleration, but for its sign, sum m_j v_ij . grad W_i, and the largest |mu| */
@@ -10520,12 +10569,13 @@ SPHPA_FORCE_INLINE_ void sphpa_gas_push_(const sphpa_gas_params *gas, const sphp
     for (size_t k = 0; k < near->entries; k++) {
         const sphpa_gas_record_ *j = records + SPHPA_TREE_ENTRY_INDEX(near->list[k]);
         sphpa_gas_meet_(near, shape, near->list[k], j, &i);
-        sphpa_lanes_ both = i.gi + i.gj, g = i.force * i.gi + j->force * i.gj + i.pi * both;
+        sphpa_lanes_ both = i.gi + i.gj, pi = SPHPA_R(0.5) * i.pi;
+        sphpa_lanes_ g = i.force * i.gi + j->force * i.gj - pi * both;
         sx += g * i.d[0];
         sy += g * i.d[1];
         sz += g * i.d[2];
         flow += i.gi * i.vx;
-        most = sphpa_lanes_max_(most, SPHPA_LANES_IF_(both < SPHPA_R(0.0), -i.mu));
+        most = sphpa_lanes_max_(most, SPHPA_LANES_IF_(both < SPHPA_R(0.0), i.mu));
     }
     memcpy(out->a[0], &sx, sizeof sx);
     memcpy(out->a[1], &sy, sizeof sy);
@@ -10563,7 +10613,7 @@ SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_gas_work_(const sphpa_gas_params *gas,
         sphpa_gas_meet_(near, shape, near->list[k], j, &i);
         sphpa_lanes_ vx = (v[0] - j->mean_v[0]) * i.d[0] + (v[1] - j->mean_v[1]) * i.d[1] +
                           (v[2] - j->mean_v[2]) * i.d[2];
-        sum += vx * (i.force * i.gi + SPHPA_R(0.5) * i.pi * (i.gi + i.gj));
+        sum += vx * (i.force * i.gi - SPHPA_R(0.25) * i.pi * (i.gi + i.gj));
     }
     return sum;
 }
@@ -11163,10 +11213,8 @@ SPHPA_PRIVATE_ void sphpa_solid_pack_one_(const sphpa_sim *sim, const sphpa_soli
     record->m = p->m[i];
     record->push = (sphpa_real)push;
     record->share = (sphpa_real)(root / rho);
-    record->viscous.h = p->h[i];
-    record->viscous.rho = (sphpa_real)rho;
-    record->viscous.c = p->c_visc != NULL ? p->c_visc[i] : p->c[i];
-    record->viscous.f = p->balsara != NULL ? SPHPA_R(0.5) * p->balsara[i] : SPHPA_R(0.5);
+    sphpa_viscous_pack_(p, sphpa_viscosity_a_(&solid->viscosity), i,
+                        (double)(p->c_visc != NULL ? p->c_visc[i] : p->c[i]), &record->viscous);
 }
 
 SPHPA_PRIVATE_ void sphpa_solid_pack_(const sphpa_sim *sim, const void *params, size_t first,
@@ -11208,11 +11256,12 @@ SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_solid_near_(const sphpa_solid_stretch_ *s
 /* What forces and energy have in common: the lanes' own numbers, and the pair at hand. */
 typedef struct sphpa_solid_pair_ {
     sphpa_solid_own_ own;
-    sphpa_lanes_ v[3], R[6];
+    sphpa_lanes_ v[3], own_R[6];
     sphpa_viscous_lanes_ viscous;
     sphpa_solid_stretch_ stretch;
-    sphpa_lanes_ d[3], g, mu; /* x_ij, (dW/dr)/r, mu of the viscosity */
-    sphpa_lanes_ shared[3];   /* (-Pi I + f^n (R_i + R_j)) x_ij, both particles' */
+    sphpa_lanes_ d[3], g;     /* x_ij, (dW/dr)/r */
+    sphpa_lanes_ pi, mu;      /* -Pi and -mu of the viscosity */
+    sphpa_lanes_ R[3];        /* f^n (R_i + R_j) x_ij, where pairs are told apart */
     sphpa_mask_ foreign, joined;
 } sphpa_solid_pair_;
 
@@ -11223,7 +11272,8 @@ SPHPA_FORCE_INLINE_ void sphpa_solid_pair_begin_(const sphpa_solid_params *solid
     size_t stride = sizeof *records;
     sphpa_solid_own_of_(solid, near, &records->point, stride, mixed, &i->own);
     for (int a = 0; a < 3; a++) i->v[a] = sphpa_lanes_load_(near, &records->v[a], stride);
-    for (int a = 0; a < 6 && mixed; a++) i->R[a] = sphpa_lanes_load_(near, &records->R[a], stride);
+    for (int a = 0; a < 6 && mixed; a++)
+        i->own_R[a] = sphpa_lanes_load_(near, &records->R[a], stride);
     sphpa_viscous_own_(&solid->viscosity, near, &records->viscous, stride, &i->viscous);
 }
 
@@ -11248,17 +11298,17 @@ SPHPA_FORCE_INLINE_ void sphpa_solid_meet_(const sphpa_group *near, int shape, b
     i->g = sphpa_solid_slope_(&i->own, &j->point, shape, r, r2);
     sphpa_lanes_ vx =
         (i->v[0] - j->v[0]) * d[0] + (i->v[1] - j->v[1]) * d[1] + (i->v[2] - j->v[2]) * d[2];
-    sphpa_lanes_ pi = sphpa_viscous_pi_(&i->viscous, &j->viscous, vx, r2, &i->mu);
-    for (int a = 0; a < 3; a++) i->shared[a] = -(pi * d[a]);
+    i->pi = sphpa_viscous_pi_(&i->viscous, &j->viscous, vx, r2, &i->mu);
     if (!mixed) return;
     sphpa_solid_join_(i, &j->point);
+    for (int a = 0; a < 3; a++) i->R[a] = sphpa_lanes_of_(SPHPA_R(0.0));
     if (!(i->stretch.exponent > 0.0)) return;
-    sphpa_lanes_ R[6], h = SPHPA_R(0.5) * (i->viscous.h + j->viscous.h);
+    sphpa_lanes_ R[6], h = i->viscous.h + j->viscous.h;
     sphpa_lanes_ close = SPHPA_LANES_IF_(i->joined, sphpa_solid_near_(&i->stretch, shape, r, h));
-    for (int c = 0; c < 6; c++) R[c] = close * (i->R[c] + j->R[c]);
-    i->shared[0] += R[0] * d[0] + R[3] * d[1] + R[5] * d[2];
-    i->shared[1] += R[3] * d[0] + R[1] * d[1] + R[4] * d[2];
-    i->shared[2] += R[5] * d[0] + R[4] * d[1] + R[2] * d[2];
+    for (int c = 0; c < 6; c++) R[c] = close * (i->own_R[c] + j->R[c]);
+    i->R[0] = R[0] * d[0] + R[3] * d[1] + R[5] * d[2];
+    i->R[1] = R[3] * d[0] + R[1] * d[1] + R[4] * d[2];
+    i->R[2] = R[5] * d[0] + R[4] * d[1] + R[2] * d[2];
 }
 
 /* by what T_a of a pair's particle a is multiplied: its neighbour b's share */
@@ -11295,6 +11345,7 @@ SPHPA_FORCE_INLINE_ void sphpa_solid_push_(const sphpa_solid_params *solid,
         sphpa_lanes_ mine = g * sphpa_solid_share_(&i, mixed, i.viscous.rho, rho,
                                                    sphpa_lanes_of_(j->share));
         sphpa_lanes_ theirs = g * sphpa_solid_share_(&i, mixed, rho, i.viscous.rho, share_i);
+        sphpa_lanes_ pi = g * i.pi;
         for (int a = 0; a < 3; a++) {
             sphpa_lanes_ t = j->T[3 * a] * i.d[0] + j->T[3 * a + 1] * i.d[1] +
                              j->T[3 * a + 2] * i.d[2];
@@ -11303,10 +11354,12 @@ SPHPA_FORCE_INLINE_ void sphpa_solid_push_(const sphpa_solid_params *solid,
                 t = sphpa_lanes_pick_(i.joined, t, -(j->push * i.d[a]));
                 own[a] += SPHPA_LANES_IF_(i.joined, part);
                 pushed[a] += part - SPHPA_LANES_IF_(i.joined, part);
+                rest[a] += g * i.R[a];
             } else own[a] += part;
-            rest[a] += theirs * t + g * i.shared[a];
+            rest[a] += pi * i.d[a];
+            rest[a] += theirs * t;
         }
-        most = sphpa_lanes_max_(most, SPHPA_LANES_IF_(i.g < SPHPA_R(0.0), -i.mu));
+        most = sphpa_lanes_max_(most, SPHPA_LANES_IF_(i.g < SPHPA_R(0.0), i.mu));
     }
     memcpy(out->own, own, sizeof own);
     memcpy(out->pushed, pushed, sizeof pushed);
@@ -11374,12 +11427,10 @@ SPHPA_FORCE_INLINE_ void sphpa_solid_heat_(const sphpa_solid_params *solid,
                 sphpa_lanes_ t =
                     T[3 * a] * i.d[0] + T[3 * a + 1] * i.d[1] + T[3 * a + 2] * i.d[2];
                 t = sphpa_lanes_pick_(i.joined, t, -(push * i.d[a]));
-                sum += v[a] * (mine * t + SPHPA_R(0.5) * i.shared[a]);
+                sum += v[a] * (mine * t + SPHPA_R(0.5) * i.R[a]);
             }
-        } else {
-            for (int a = 0; a < 3; a++) sum += v[a] * i.shared[a];
-            sum = SPHPA_R(0.5) * sum;
         }
+        sum += SPHPA_R(0.5) * i.pi * (v[0] * i.d[0] + v[1] * i.d[1] + v[2] * i.d[2]);
         work += g * sum;
         sphpa_solid_gather_(&i.own, &j->point, corrected, mixed, i.g, i.d, v, &all, &left_out);
     }

@@ -49,7 +49,7 @@ enum { BENCH_CASES = sizeof bench_cases / sizeof bench_cases[0] };
 
 typedef struct bench_settings {
     long repeats, warm_up;
-    int quick, append, quiet;
+    int quick, append, report, quiet;
     const char *out, *only;
 } bench_settings;
 
@@ -90,6 +90,7 @@ static bench_scene *bench_scene_of(const bench_settings *s, const bench_row *row
     for (int k = 0; k < count; k++)
         if (strcmp(rows[k].what->name, what->name) == 0) return rows[k].scene;
     if (!s->quiet) fprintf(stderr, "%s, %ld particles, %s\n", what->name, what->n, BENCH_REAL);
+    bench_threads(what->threads);
     bench_scene *scene = scene_new(what->kind, what->n, what->neighbours, what->skin);
     scene_steps(scene, s->warm_up);
     return scene;
@@ -184,6 +185,13 @@ static void bench_speedup(const bench_row *rows, int count) {
     }
 }
 
+static void bench_report(const bench_row *row) {
+    static char text[16384];
+    sphpa_sim_report(&row->scene->sim, text, sizeof text);
+    printf("\n# ---- %s, %s, %zu particles, warm-up and setup included\n%s", row->what->name,
+           BENCH_REAL, row->scene->sim.p.n, text);
+}
+
 static void bench_write(const bench_settings *s, const bench_row *rows, int count) {
     char path[EXAMPLE_PATH];
     snprintf(path, sizeof path, "%s/sph.csv", s->out);
@@ -211,7 +219,7 @@ static void bench_show(const bench_settings *s) {
 }
 
 int main(int argc, char **argv) {
-    bench_settings s = {9, 5, 0, 0, 0, "build/bench", ""};
+    bench_settings s = {9, 40, 0, 0, 0, 0, "build/bench", ""};
     bench_row rows[BENCH_ROWS];
     const example_option options[] = {
         example_count("repeats", &s.repeats, 1, BENCH_WINDOWS, "windows of each row"),
@@ -219,6 +227,7 @@ int main(int argc, char **argv) {
         example_flag("quick", &s.quick, "fewer scenes and repeats"),
         example_text("only", "NAME", &s.only, "scenes whose name holds this"),
         example_flag("append", &s.append, "add to the table that is there, and show all of it"),
+        example_flag("report", &s.report, "where the time of each scene went, pass by pass"),
         example_text("out", "FOLDER", &s.out, "for sph.csv"),
         example_flag("quiet", &s.quiet, "no progress"),
     };
@@ -235,6 +244,8 @@ int main(int argc, char **argv) {
     printf("# %s, %s\n# %s %s\n", BENCH_REAL, cpu, BENCH_COMPILER, BENCH_FLAGS);
     bench_speedup(rows, count);
     printf("# peak memory %.0f MB\n", 1e-6 * example_peak_memory());
+    for (int k = 0; k < count && s.report; k++)
+        if (k == 0 || rows[k].scene != rows[k - 1].scene) bench_report(&rows[k]);
     bench_show(&s);
     for (int k = 0; k < count; k++)
         if (k == 0 || rows[k].scene != rows[k - 1].scene) scene_free(rows[k].scene);

@@ -538,46 +538,53 @@ static void test_query(void **state) {
 
 /* ---- the order ------------------------------------------------------------------------------- */
 
-/* which of two points comes first along the curve, from the cells alone, bit by bit */
-static int morton_less(int dim, const double *p, const double *q, const double *low,
-                       double extent) {
-    int bits = dim == 1 ? 62 : dim == 2 ? 31 : 21;
-    for (int b = bits - 1; b >= 0; b--)
-        for (int a = 0; a < dim; a++) {
-            double width = ldexp(extent, b - bits);
-            double top = ldexp(1.0, bits - b) - 1.0;
-            double u = fmin(floor((p[a] - low[a]) / width), top);
-            double v = fmin(floor((q[a] - low[a]) / width), top);
-            if (u != v) return u < v ? 1 : -1;
-        }
-    return 0;
-}
-
-static void test_keys_sorted(void **state) {
-    (void)state;
+/* A Hilbert curve goes from cell to cell through a common face, and through all cells of a cube
+   before it leaves it: nothing else is asked of it here. The lattice of side^dim points fills the
+   box of the keys (deep = 0), or lies in a far corner of it, where only the last bits differ. */
+static void check_curve(int dim, size_t side, int deep) {
+    size_t n = 1;
+    for (int a = 0; a < dim; a++) n *= side;
+    cloud c = cloud_alloc(dim, n + 1);
+    int bits = dim == 1 ? 30 : dim == 2 ? 31 : 21;
+    double d = deep ? ldexp(1.0, -bits) : 1.0 / (double)side;
+    for (size_t i = 0; i <= n; i++) {
+        size_t at = i;
+        for (int a = 0; a < dim; a++, at /= side)
+            c.x[3 * i + (size_t)a] =
+                i == n ? 0.0 : (deep ? 0.75 : 0.0) + d * ((double)(at % side) + 0.5);
+        c.support[i] = 0.25 * d;
+    }
+    for (int a = 0; a < dim; a++) c.box.high[a] = c.box.periodic[a] = 1;
+    c.wraps = 1;
     sphpa_tree tree;
     memset(&tree, 0, sizeof tree);
-    for (int dim = 1; dim <= 3; dim++)
-        for (int mask = 0; mask < 2; mask++) {
-            cloud c = cloud_make(UNIFORM, dim, 2000, mask ? 7 : 0, 1.0, 0.0, 21);
-            double low[3], extent = 0.0;
-            build(&tree, &c);
-            for (int a = 0; a < dim; a++) {
-                double least = 1e300, most = -1e300;
-                for (size_t i = 0; i < c.n; i++) {
-                    least = fmin(least, c.x[3 * i + (size_t)a]);
-                    most = fmax(most, c.x[3 * i + (size_t)a]);
-                }
-                low[a] = mask ? c.box.low[a] : least;
-                extent = fmax(extent, (mask ? c.box.high[a] : most) - low[a]);
-            }
-            for (size_t k = 1; k < c.n; k++)
-                assert_int_equal(morton_less(dim, tree.pos + 4 * (k - 1), tree.pos + 4 * k, low,
-                                             extent),
-                                 1);
-            cloud_free(&c);
+    build(&tree, &c);
+    double low[3] = {0.0, 0.0, 0.0}, high[3] = {0.0, 0.0, 0.0}, last[3] = {0.0, 0.0, 0.0};
+    size_t seen = 0, cube = (size_t)1 << dim;
+    for (size_t k = 0; k <= n; k++) {
+        if (tree.order[k] == n) continue; /* the one at the origin, which is no cell of its own */
+        const double *x = tree.pos + 4 * k;
+        double step = 0.0;
+        for (int a = 0; a < dim; a++) {
+            step += fabs(x[a] - last[a]) / d;
+            low[a] = seen % cube == 0 ? x[a] : fmin(low[a], x[a]);
+            high[a] = seen % cube == 0 ? x[a] : fmax(high[a], x[a]);
+            last[a] = x[a];
         }
+        if (seen > 0) assert_near(step, 1.0, 1e-3);
+        if (++seen % cube == 0)
+            for (int a = 0; a < dim; a++) assert_near(high[a] - low[a], d, 1e-3);
+    }
+    assert_int_equal(seen, n);
     sphpa_tree_free(&tree);
+    cloud_free(&c);
+}
+
+static void test_order_is_a_hilbert_curve(void **state) {
+    (void)state;
+    static const size_t side[3] = {4096, 64, 16};
+    for (int dim = 1; dim <= 3; dim++)
+        for (int deep = 0; deep < 2; deep++) check_curve(dim, side[dim - 1], deep);
 }
 
 /* a dense clump in a huge box: its keys are all equal at first, its leaves must not be */
@@ -1048,7 +1055,7 @@ int main(void) {
         cmocka_unit_test(test_lattice_count),  cmocka_unit_test(test_boundary),
         cmocka_unit_test(test_one_and_many_coincident),
         cmocka_unit_test(test_ignored_columns), cmocka_unit_test(test_query),
-        cmocka_unit_test(test_keys_sorted),    cmocka_unit_test(test_clump_leaves),
+        cmocka_unit_test(test_order_is_a_hilbert_curve),    cmocka_unit_test(test_clump_leaves),
         cmocka_unit_test(test_threads),        cmocka_unit_test(test_reuse),
         cmocka_unit_test(test_dx),             cmocka_unit_test(test_coincident),
         cmocka_unit_test(test_friends),        cmocka_unit_test(test_friends_edges),
