@@ -1478,7 +1478,7 @@ SPHPA_DEF sphpa_result sphpa_particles_check(const sphpa_particles *p, sphpa_err
    One step from t to t + dt (midpoint rule; n: start, *: middle, n+1: end):
      (1)  x* = x + dt/2 v          v* = v + dt/2 a          u* = u + dt/2 du
      (2)  evaluate all passes at *: a, and everything that a depends on
-     (3)  v(n+1) = v + dt a        vbar = (v + v(n+1))/2    x(n+1) = x + dt vbar
+     (3)  v(n+1) = v + dt a        vbar = (v + v(n+1))/2    x(n+1) = x + dt vbar = x* + dt/2 v(n+1)
      (4)  du from the same pair forces with vbar            u(n+1) = u + dt du
      (5)  commit: passes marked so run once more with the whole step, from the start's values
    In (1), PREDICTOR_CORRECTOR takes a and du of the step before: one evaluation a step. For forces
@@ -1551,7 +1551,8 @@ typedef struct sphpa_pass {
     sphpa_pass_kind kind;
     sphpa_mask reads, writes; /* all are allocated */
     sphpa_mask uses;          /* read where another pass has them; not allocated for this one */
-    sphpa_mask advances;      /* these also have a copy of the start of the step, p->start */
+    sphpa_mask advances;      /* these also have a copy of the start of the step in p->start, as v
+                                 and u always do */
     int at_commit; /* GRADIENTS to DAMAGE, not 0: runs again at the step's end, dt_stage = dt */
     int unfiltered; /* PAIR, not 0: gets every listed particle, also beyond the supports */
     size_t record_bytes;      /* of one packed record; 0: the pass reads the fields themselves */
@@ -9522,7 +9523,7 @@ SPHPA_PRIVATE_ void sphpa_sim_predict_(sphpa_sim *sim) {
     SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_FEW_ * SPHPA_BLOCK_))
     for (long i = 0; i < n; i++) {
         for (long k = 3 * i; k < 3 * i + 3; k++) {
-            p->x[k] = p->start.x[k] + half * (double)p->start.v[k];
+            p->x[k] += half * (double)p->start.v[k];
             p->v[k] = (sphpa_real)((double)p->start.v[k] + half * (double)p->a[k]);
         }
         p->u[i] = p->start.u[i] + half * (double)p->du[i];
@@ -9547,8 +9548,8 @@ SPHPA_PRIVATE_ size_t sphpa_sim_finish_block_(sphpa_sim *sim, size_t first, size
     for (size_t i = last; i-- > first;) {
         double sane = 0.0;
         for (size_t k = 3 * i; k < 3 * i + 3; k++) {
-            p->x[k] = p->start.x[k] + sim->dt * sphpa_sim_mean_v_(sim, k);
             p->v[k] = (sphpa_real)((double)p->start.v[k] + sim->dt * (double)p->a[k]);
+            p->x[k] += 0.5 * sim->dt * (double)p->v[k]; /* dt vbar, less what * has already */
             sane += p->x[k] + (double)p->v[k];
         }
         p->u[i] = p->start.u[i] + sim->dt * (double)p->du[i];
@@ -9913,7 +9914,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_defaults_(sphpa_sim_options *options, sphp
 SPHPA_PRIVATE_ sphpa_result sphpa_sim_allocate_(sphpa_sim *sim, const sphpa_particles *initial,
                                                 sphpa_error *err) {
     sphpa_mask fields = SPHPA_BASIC_FIELDS | SPHPA_F(a) | SPHPA_F(du);
-    sphpa_mask start = SPHPA_F(x) | SPHPA_F(v) | SPHPA_F(u);
+    sphpa_mask start = SPHPA_F(v) | SPHPA_F(u);
     for (int k = 0; k < sim->passes; k++) {
         fields |= sim->pass[k]->reads | sim->pass[k]->writes | sim->pass[k]->advances;
         start |= sim->pass[k]->advances;

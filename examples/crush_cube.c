@@ -17,14 +17,14 @@ typedef struct press {
     double rate; /* [1/s] v = rate x; a step's strain is all that matters */
 } press;
 
-/* the acceleration that leads to v = rate x at the end of the step, where x is then */
+/* the acceleration that leads to v = rate x at the end of the step; x is that of its middle */
 static sphpa_result hold(sphpa_sim *sim, void *params, size_t first, size_t last, size_t *bad) {
     double rate = ((const press *)params)->rate, dt = sim->dt;
     (void)bad;
     if (!(dt > 0.0)) return SPHPA_OK;
     for (size_t k = 3 * first; k < 3 * last; k++) {
-        double x = sim->p.start.x[k], v = (double)sim->p.start.v[k];
-        double goal = rate * (x + 0.5 * dt * v) / (1.0 - 0.5 * dt * rate);
+        double v = (double)sim->p.start.v[k];
+        double goal = rate * sim->p.x[k] / (1.0 - 0.5 * dt * rate);
         sim->p.a[k] = (sphpa_real)((goal - v) / dt);
     }
     return SPHPA_OK;

@@ -562,7 +562,7 @@ static void press_fill(sphpa_sim *sim, const press *hold, size_t first, size_t l
     for (size_t i = first; i < last; i++) {
         double middle[3];
         for (size_t a = 0; a < 3; a++)
-            middle[a] = sim->p.start.x[3 * i + a] + 0.5 * dt * (double)sim->p.start.v[3 * i + a];
+            middle[a] = sim->p.x[3 * i + a]; /* forces are those of the step's middle */
         for (size_t a = 0; a < 3; a++) {
             double goal = hold->rate * press_project(hold, middle, a) / (1.0 - 0.5 * dt * hold->rate);
             sim->p.a[3 * i + a] = (sphpa_real)((goal - (double)sim->p.start.v[3 * i + a]) / dt);

@@ -312,7 +312,7 @@ static void fields_are_the_union(void **state) {
     sphpa_mask want = SPHPA_BASIC_FIELDS | SPHPA_F(a) | SPHPA_F(du) | SPHPA_F(L) | SPHPA_F(S) |
                       SPHPA_F(alpha) | SPHPA_F(P);
     assert_true(sim->p.fields == want);
-    assert_true(sim->p.start_fields == (SPHPA_F(x) | SPHPA_F(v) | SPHPA_F(u) | SPHPA_F(S)));
+    assert_true(sim->p.start_fields == (SPHPA_F(v) | SPHPA_F(u) | SPHPA_F(S)));
     assert_true(sim->p.D == NULL && sim->p.C == NULL && sim->p.n_act == NULL &&
                 sim->p.omega == NULL && sim->p.flaw_min == NULL);
     for (size_t i = 0; i < 5; i++) { /* what the caller did not set is solid */
@@ -1591,7 +1591,7 @@ static void the_report_tells_costs(void **state) {
         if ((sim->p.fields >> k) & 1u)
             listed++, bytes += sphpa_field_describe((sphpa_field)k).bytes;
     assert_int_equal(listed, 13); /* nine, a, du, and the two that the passes write */
-    bytes += 3 * 8 + 3 * sizeof(sphpa_real) + 8; /* copies of x, v and u */
+    bytes += 3 * sizeof(sphpa_real) + 8; /* copies of v and u */
     assert_int_equal(sphpa_particles_bytes_each(&sim->p), bytes);
     sim_drop(sim);
 }
