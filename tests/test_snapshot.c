@@ -490,7 +490,7 @@ static void check_field(hid_t file, const char *name, const sphpa_field_info *in
 static void check_fields(hid_t file, const world *w, bool all) {
     const sphpa_particles *p = &w->sim.p;
     static const char *const plain[] = {"x", "v", "m", "h", "rho", "u", "P", "c", "id", "material",
-                                        "body", "mu_max", "omega", "S"};
+                                        "body", "mu_max", "omega", "div_v", "S"};
     size_t written = 0, links = 4; /* the singular names */
     for (int k = 0; k < (int)SPHPA_FIELD_COUNT; k++) {
         sphpa_field_info info = sphpa_field_describe((sphpa_field)k);
