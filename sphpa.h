@@ -7636,11 +7636,14 @@ SPHPA_DEF void sphpa_tree_image_shift(const sphpa_box *box, uint32_t image, doub
     }
 }
 
-/* what one thread works in */
+/* What one thread works in. Candidates are kept in float, relative to their tile and in units of
+   the longest reach: twice as many fit a vector, and what float leaves in doubt double decides. */
 typedef struct sphpa_tree_bench_ {
     sphpa_tree_walk_ walk;
-    double *x, *y, *z, *s2; /* (capacity) candidates of a tile; s2: (1 + skin)^2 s^2 */
-    uint32_t *index;        /* (index_capacity) their entries */
+    double centre[3], per; /* [m] [1/m] of the tile's unit */
+    float doubt;           /* r^2 - s^2 nearer to 0 than this may have the wrong sign */
+    float *x, *y, *z, *s2; /* (capacity) candidates of a tile; s2: (1 + skin)^2 s^2 */
+    uint32_t *index;       /* (index_capacity) their entries */
     uint32_t *ranges;       /* (2 leaf_count) first and end of runs of candidates */
     uint32_t *list;         /* (list_capacity) the chunk's lists until they are complete */
     size_t capacity, index_capacity, list_capacity, used;
@@ -7663,15 +7666,26 @@ SPHPA_PRIVATE_ void sphpa_tree_bench_free_(sphpa_tree_bench_ *bench) {
     SPHPA_FREE(bench->list);
 }
 
+/* the unit of a tile: coordinates of candidates are below 1 + its extent */
+SPHPA_PRIVATE_ void sphpa_tree_bench_aim_(sphpa_tree_bench_ *bench, const sphpa_tree_node *tile) {
+    double extent = 0.0, reach = bench->walk.factor * bench->walk.tree->nodes[0].support;
+    for (int a = 0; a < 3; a++) {
+        bench->centre[a] = 0.5 * (tile->low[a] + tile->high[a]);
+        extent = sphpa_max_(extent, tile->high[a] - tile->low[a]);
+    }
+    bench->per = 1.0 / reach;
+    bench->doubt = (float)sphpa_min_(2e-6 * (1.0 + extent * bench->per), 1e30);
+}
+
 /* room for count candidates and the padding of the last block; `used` of them are kept */
 SPHPA_PRIVATE_ bool sphpa_tree_bench_reserve_(sphpa_tree_bench_ *bench, size_t used, size_t count) {
     size_t need = count + SPHPA_TREE_LANES_, before = bench->capacity;
     void *block = bench->x;
-    bool done = sphpa_grow_(&block, &bench->capacity, need, 4 * sizeof(double));
-    bench->x = (double *)block;
+    bool done = sphpa_grow_(&block, &bench->capacity, need, 4 * sizeof(float));
+    bench->x = (float *)block;
     if (!done) return false;
     for (size_t c = 4; c-- > 1 && bench->capacity > before;) /* columns move apart */
-        memmove(bench->x + c * bench->capacity, bench->x + c * before, used * sizeof(double));
+        memmove(bench->x + c * bench->capacity, bench->x + c * before, used * sizeof(float));
     bench->y = bench->x + bench->capacity;
     bench->z = bench->y + bench->capacity;
     bench->s2 = bench->z + bench->capacity;
@@ -7702,10 +7716,11 @@ SPHPA_PRIVATE_ size_t sphpa_tree_runs_(sphpa_tree_bench_ *bench, size_t *total) 
 SPHPA_PRIVATE_ size_t sphpa_tree_gather_(const sphpa_tree_bench_ *bench, size_t runs, size_t m,
                                          uint32_t image, const double shift[3]) {
     const sphpa_tree_walk_ *walk = &bench->walk;
-    double *SPHPA_RESTRICT x = bench->x, *SPHPA_RESTRICT y = bench->y;
-    double *SPHPA_RESTRICT z = bench->z, *SPHPA_RESTRICT s2 = bench->s2;
+    float *SPHPA_RESTRICT x = bench->x, *SPHPA_RESTRICT y = bench->y;
+    float *SPHPA_RESTRICT z = bench->z, *SPHPA_RESTRICT s2 = bench->s2;
     uint32_t *SPHPA_RESTRICT index = bench->index;
-    double own = walk->own * walk->own;
+    double own = walk->own * walk->own, per = bench->per, off[3];
+    for (int a = 0; a < 3; a++) off[a] = shift[a] - bench->centre[a];
     for (size_t r = 0; r < runs; r++)
         for (uint32_t j = bench->ranges[2 * r]; j < bench->ranges[2 * r + 1]; j++) {
             const double *q = walk->tree->pos + 4 * (size_t)j;
@@ -7714,10 +7729,10 @@ SPHPA_PRIVATE_ size_t sphpa_tree_gather_(const sphpa_tree_bench_ *bench, size_t 
                 double gap = sphpa_tree_gap_(q[a] - walk->high[a], q[a] - walk->low[a]);
                 sum += gap * gap;
             }
-            x[m] = q[0] + shift[0];
-            y[m] = q[1] + shift[1];
-            z[m] = q[2] + shift[2];
-            s2[m] = s * s;
+            x[m] = (float)(per * (q[0] + off[0]));
+            y[m] = (float)(per * (q[1] + off[1]));
+            z[m] = (float)(per * (q[2] + off[2]));
+            s2[m] = (float)((per * s) * (per * s));
             index[m] = (image << SPHPA_TREE_ENTRY_BITS) | j;
             m += sum <= sphpa_max_(own, s * s) * (1.0 + SPHPA_TREE_ROUND_) ? 1u : 0u;
         }
@@ -7771,37 +7786,62 @@ SPHPA_PRIVATE_ bool sphpa_tree_candidates_(sphpa_tree_bench_ *bench, const sphpa
     return true;
 }
 
-/* The candidates that are near, by (3), to one of the group's particles first .. end - 1, to out;
-   returns how many. The sign bit of r^2 - s^2 is the answer: exact, for a difference rounds to 0
-   only if it is 0. */
+/* whether the entry is near, by (3), to one of the particles first .. end - 1 */
+SPHPA_PRIVATE_ bool sphpa_tree_exact_(const sphpa_tree_bench_ *bench, uint32_t entry, size_t first,
+                                      size_t end) {
+    const sphpa_tree *tree = bench->walk.tree;
+    const double *q = tree->pos + 4 * (size_t)SPHPA_TREE_ENTRY_INDEX(entry);
+    double shift[3];
+    sphpa_tree_image_shift(&tree->box, SPHPA_TREE_ENTRY_IMAGE(entry), shift);
+    for (size_t k = first; k < end; k++) {
+        const double *p = tree->pos + 4 * k;
+        double s = bench->walk.factor * sphpa_max_(p[3], q[3]);
+        double dx = p[0] - (q[0] + shift[0]), dy = p[1] - (q[1] + shift[1]);
+        double dz = p[2] - (q[2] + shift[2]);
+        if (dx * dx + dy * dy + dz * dz < s * s) return true;
+    }
+    return false;
+}
+
+/* out to d[SPHPA_TREE_LANES_]: the least r^2 - s^2 of some candidates with particles of the group */
+SPHPA_FORCE_INLINE_ void sphpa_tree_least_(const sphpa_tree_bench_ *bench, size_t b,
+                                           const float (*own)[4], size_t count, float *d) {
+    const float *SPHPA_RESTRICT x = bench->x + b, *SPHPA_RESTRICT y = bench->y + b;
+    const float *SPHPA_RESTRICT z = bench->z + b, *SPHPA_RESTRICT s2 = bench->s2 + b;
+    for (int l = 0; l < SPHPA_TREE_LANES_; l++) d[l] = 1e30f;
+    for (size_t k = 0; k < count; k++) {
+        float px = own[k][0], py = own[k][1], pz = own[k][2], ps = own[k][3];
+        SPHPA_SIMD
+        for (int l = 0; l < SPHPA_TREE_LANES_; l++) {
+            float dx = px - x[l], dy = py - y[l], dz = pz - z[l], theirs = s2[l];
+            float far = dx * dx + dy * dy + dz * dz - (ps > theirs ? ps : theirs);
+            d[l] = far < d[l] ? far : d[l];
+        }
+    }
+}
+
+/* the candidates that are near, by (3), to one of the group's particles first .. end - 1, to out;
+   returns how many */
 SPHPA_PRIVATE_ size_t sphpa_tree_select_(const sphpa_tree_bench_ *bench, size_t m, size_t first,
                                          size_t end, uint32_t *SPHPA_RESTRICT out) {
-    const double *SPHPA_RESTRICT x = bench->x, *SPHPA_RESTRICT y = bench->y;
-    const double *SPHPA_RESTRICT z = bench->z, *SPHPA_RESTRICT s2 = bench->s2;
-    const uint32_t *SPHPA_RESTRICT index = bench->index;
     const double *pos = bench->walk.tree->pos;
-    double factor = bench->walk.factor;
+    float own[16][4], doubt = bench->doubt;
     size_t count = 0;
+    for (size_t k = first; k < end; k++) {
+        double s = bench->per * bench->walk.factor * pos[4 * k + 3];
+        for (size_t a = 0; a < 3; a++)
+            own[k - first][a] = (float)(bench->per * (pos[4 * k + a] - bench->centre[a]));
+        own[k - first][3] = (float)(s * s);
+    }
     for (size_t b = 0; b < m; b += SPHPA_TREE_LANES_) {
-        double d[SPHPA_TREE_LANES_];
-        for (int l = 0; l < SPHPA_TREE_LANES_; l++) d[l] = 1.0;
-        for (size_t k = first; k < end; k++) {
-            const double *p = pos + 4 * k;
-            double px = p[0], py = p[1], pz = p[2], own = (factor * p[3]) * (factor * p[3]);
-            SPHPA_SIMD
-            for (int l = 0; l < SPHPA_TREE_LANES_; l++) {
-                double dx = px - x[b + (size_t)l], dy = py - y[b + (size_t)l];
-                double dz = pz - z[b + (size_t)l], theirs = s2[b + (size_t)l];
-                double far = dx * dx + dy * dy + dz * dz - (own > theirs ? own : theirs);
-                d[l] = far < d[l] ? far : d[l];
-            }
-        }
+        float d[SPHPA_TREE_LANES_];
+        sphpa_tree_least_(bench, b, (const float (*)[4])own, end - first, d);
         size_t lanes = m - b < SPHPA_TREE_LANES_ ? m - b : SPHPA_TREE_LANES_;
         for (size_t l = 0; l < lanes; l++) {
-            uint64_t bits;
-            memcpy(&bits, &d[l], sizeof bits);
-            out[count] = index[b + l];
-            count += (size_t)(bits >> 63);
+            bool near = d[l] < 0.0f;
+            if (!(fabsf(d[l]) > doubt)) near = sphpa_tree_exact_(bench, bench->index[b + l], first, end);
+            out[count] = bench->index[b + l];
+            count += near ? 1u : 0u;
         }
     }
     return count;
@@ -7815,6 +7855,7 @@ SPHPA_PRIVATE_ bool sphpa_tree_list_tile_(sphpa_tree_bench_ *bench, size_t first
     tile.first = (uint32_t)first;
     tile.count = (uint32_t)(end - first);
     sphpa_tree_tighten_(bench->walk.tree, &tile);
+    sphpa_tree_bench_aim_(bench, &tile);
     if (!sphpa_tree_candidates_(bench, &tile, &m)) return false;
     for (size_t k = first; k < end; k += lists->group) {
         if (!sphpa_tree_grow_u32_(&bench->list, &bench->list_capacity, bench->used + m + 1))
@@ -8692,16 +8733,73 @@ SPHPA_FORCE_INLINE_ void sphpa_lanes_cubic_(sphpa_lanes_ q, sphpa_lanes_ *w, sph
     *dw = SPHPA_R(3.0) * bb - SPHPA_R(0.75) * aa;
 }
 
-SPHPA_NO_INLINE_ void sphpa_lanes_shape_(int shape, const sphpa_lanes_ *at, sphpa_lanes_ *w,
-                                         sphpa_lanes_ *dw) {
-    sphpa_real q[SPHPA_LANES_], f[SPHPA_LANES_], df[SPHPA_LANES_];
-    memcpy(q, at, sizeof *at);
-    for (size_t l = 0; l < SPHPA_LANES_; l++) {
-        f[l] = (sphpa_real)sphpa_kernel_value_(shape, 0, (double)q[l]);
-        df[l] = (sphpa_real)sphpa_kernel_value_(shape, 1, (double)q[l]);
+SPHPA_PRIVATE_ void sphpa_lanes_quartic_(sphpa_lanes_ q, sphpa_lanes_ *w, sphpa_lanes_ *dw) {
+    sphpa_lanes_ a = sphpa_lanes_above_(SPHPA_R(2.5) - q), b = sphpa_lanes_above_(SPHPA_R(1.5) - q);
+    sphpa_lanes_ c = sphpa_lanes_above_(SPHPA_R(0.5) - q), aa = a * a, bb = b * b, cc = c * c;
+    *w = aa * aa - SPHPA_R(5.0) * (bb * bb) + SPHPA_R(10.0) * (cc * cc);
+    *dw = SPHPA_R(20.0) * (bb * b) - SPHPA_R(4.0) * (aa * a) - SPHPA_R(40.0) * (cc * c);
+}
+
+SPHPA_PRIVATE_ void sphpa_lanes_quintic_(sphpa_lanes_ q, sphpa_lanes_ *w, sphpa_lanes_ *dw) {
+    sphpa_lanes_ a = sphpa_lanes_above_(SPHPA_R(3.0) - q), b = sphpa_lanes_above_(SPHPA_R(2.0) - q);
+    sphpa_lanes_ c = sphpa_lanes_above_(SPHPA_R(1.0) - q);
+    sphpa_lanes_ a4 = (a * a) * (a * a), b4 = (b * b) * (b * b), c4 = (c * c) * (c * c);
+    *w = a4 * a - SPHPA_R(6.0) * (b4 * b) + SPHPA_R(15.0) * (c4 * c);
+    *dw = SPHPA_R(30.0) * b4 - SPHPA_R(5.0) * a4 - SPHPA_R(75.0) * c4;
+}
+
+/* Wendland's: t = (1 - q/2)+ to some power times a polynomial of m = min(q, 2), which stays bounded;
+   order 2, 4, 6: C2, C4, C6 in 2-D and 3-D; 12, 14, 16: those of 1-D */
+SPHPA_PRIVATE_ void sphpa_lanes_wendland_(int order, sphpa_lanes_ q, sphpa_lanes_ *w,
+                                          sphpa_lanes_ *dw) {
+    sphpa_lanes_ one = sphpa_lanes_of_(SPHPA_R(1.0)), t = sphpa_lanes_above_(one - q * SPHPA_R(0.5));
+    sphpa_lanes_ m = SPHPA_R(2.0) - SPHPA_R(2.0) * t, tt = t * t, t4 = tt * tt;
+    switch (order) {
+    case 2:
+        *w = t4 * (one + SPHPA_R(2.0) * m);
+        *dw = SPHPA_R(-5.0) * q * (tt * t);
+        break;
+    case 4:
+        *w = t4 * tt * (one + m * (SPHPA_R(3.0) + SPHPA_R(35.0 / 12.0) * m));
+        *dw = -q * (t4 * t) * (SPHPA_R(14.0 / 3.0) + SPHPA_R(35.0 / 3.0) * m);
+        break;
+    case 6:
+        *w = t4 * t4 * (one + m * (SPHPA_R(4.0) + m * (SPHPA_R(6.25) + SPHPA_R(4.0) * m)));
+        *dw = -q * (t4 * tt * t) * (SPHPA_R(5.5) + m * (SPHPA_R(19.25) + SPHPA_R(22.0) * m));
+        break;
+    case 12:
+        *w = tt * t * (one + SPHPA_R(1.5) * m);
+        *dw = SPHPA_R(-3.0) * q * tt;
+        break;
+    case 14:
+        *w = t4 * t * (one + m * (SPHPA_R(2.5) + SPHPA_R(2.0) * m));
+        *dw = -q * t4 * (SPHPA_R(3.5) + SPHPA_R(7.0) * m);
+        break;
+    default:
+        *w = t4 * tt * t * (one + m * (SPHPA_R(3.5) + m * (SPHPA_R(4.75) + SPHPA_R(2.625) * m)));
+        *dw = -q * (t4 * tt) * (SPHPA_R(4.5) + m * (SPHPA_R(13.5) + SPHPA_R(13.125) * m));
+        break;
     }
-    memcpy(w, f, sizeof *w);
-    memcpy(dw, df, sizeof *dw);
+}
+
+SPHPA_PRIVATE_ void sphpa_lanes_gaussian_(sphpa_lanes_ q, sphpa_lanes_ *w, sphpa_lanes_ *dw) {
+    sphpa_lanes_ f = q;
+    for (size_t l = 0; l < SPHPA_LANES_; l++) {
+        double at = (double)SPHPA_LANE_(q, l);
+        SPHPA_LANE_(f, l) = (sphpa_real)(at < 3.0 ? sphpa_exp_(-(at * at)) : 0.0);
+    }
+    *w = f;
+    *dw = SPHPA_R(-2.0) * q * f;
+}
+
+/* all but the cubic spline, by the numbers of SPHPA_KERNEL_SHAPES_ */
+SPHPA_NO_INLINE_ void sphpa_lanes_shape_(int shape, const sphpa_lanes_ *q, sphpa_lanes_ *w,
+                                         sphpa_lanes_ *dw) {
+    static const int order[10] = {0, 0, 0, 2, 4, 6, 0, 12, 14, 16};
+    if (shape == 1) sphpa_lanes_quartic_(*q, w, dw);
+    else if (shape == 2) sphpa_lanes_quintic_(*q, w, dw);
+    else if (shape == 6) sphpa_lanes_gaussian_(*q, w, dw);
+    else sphpa_lanes_wendland_(order[shape], *q, w, dw);
 }
 
 /* shape 0 is the cubic spline: let the compiler know it where it counts */
@@ -10369,7 +10467,7 @@ SPHPA_PRIVATE_ void sphpa_gas_root_begin_(const sphpa_sim *sim, const sphpa_gas_
     double h = (double)sim->p.h[i];
     root->m = (double)sim->p.m[i];
     root->h = gas->h_max > 0.0 ? sphpa_min_(h, gas->h_max) : h;
-    root->low = 0.0;
+    root->low = root->rho = root->drho_dh = 0.0;
     root->high = HUGE_VAL;
     root->reach = sphpa_sim_reach_(sim, i) / sphpa_kernel_support(sim->options.kernel);
     root->done = false;

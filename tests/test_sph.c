@@ -1596,6 +1596,42 @@ static void the_report_tells_costs(void **state) {
     sim_drop(sim);
 }
 
+/* ---- lanes ----------------------------------------------------------------------------------- */
+
+/* every kernel in lanes against the scalar one, from 0 to beyond the support */
+static void lanes_know_the_kernels(void **state) {
+    (void)state;
+    for (int k = 0; k < (int)SPHPA_KERNEL_COUNT; k++)
+        for (int dim = 1; dim <= 3; dim++) {
+            sphpa_kernel kernel = (sphpa_kernel)k;
+            int shape = sphpa_kernel_shape_(kernel, dim);
+            double norm = sphpa_kernel_norm_(kernel, dim), most = 0.0, steepest = 0.0;
+            for (int n = 0; n <= 4000; n++) {
+                double q = n * 1e-3;
+                most = fmax(most, sphpa_kernel_w(kernel, dim, q, 1.0));
+                steepest = fmax(steepest, -sphpa_kernel_dw(kernel, dim, q, 1.0));
+            }
+            for (int n = 0; n <= 4000; n += (int)SPHPA_LANES_) {
+                sphpa_lanes_ q = sphpa_lanes_of_(SPHPA_R(0.0)), w, dw;
+                for (size_t l = 0; l < SPHPA_LANES_; l++)
+                    SPHPA_LANE_(q, l) = (sphpa_real)((n + (int)l) * 1e-3);
+                sphpa_lanes_kernel_(shape, q, &w, &dw);
+                for (size_t l = 0; l < SPHPA_LANES_; l++) {
+                    double at = (double)SPHPA_LANE_(q, l);
+                    double off = norm * (double)SPHPA_LANE_(w, l) -
+                                 sphpa_kernel_w(kernel, dim, at, 1.0);
+                    double slope = norm * (double)SPHPA_LANE_(dw, l) -
+                                   sphpa_kernel_dw(kernel, dim, at, 1.0);
+                    assert_true(fabs(off) <= 60.0 * ROUNDING * most);
+                    assert_true(fabs(slope) <= 60.0 * ROUNDING * steepest);
+                    if (at < sphpa_kernel_support(kernel)) continue;
+                    assert_true(SPHPA_LANE_(w, l) == SPHPA_R(0.0));
+                    assert_true(SPHPA_LANE_(dw, l) == SPHPA_R(0.0));
+                }
+            }
+        }
+}
+
 /* ---- bits ------------------------------------------------------------------------------------ */
 
 static void compare_bits(const sphpa_sim *a, const sphpa_sim *b) {
@@ -1698,6 +1734,7 @@ int main(void) {
         cmocka_unit_test(particles_come_and_go),
         cmocka_unit_test(totals_are_sums),
         cmocka_unit_test(the_report_tells_costs),
+        cmocka_unit_test(lanes_know_the_kernels),
         cmocka_unit_test(threads_give_the_same_bits),
         cmocka_unit_test(a_settled_run_goes_on_from_its_arrays),
     };
