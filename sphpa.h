@@ -7019,26 +7019,50 @@ SPHPA_PRIVATE_ void sphpa_tree_insertion_sort_(uint64_t *key, uint32_t *index, s
     }
 }
 
-/* stable: six passes of 11 bits; a digit that all keys share is skipped. Sorted into key, index. */
-SPHPA_PRIVATE_ void sphpa_tree_radix_sort_(const sphpa_tree_sort_ *sort, size_t n) {
-    uint32_t bins[6][2048];
-    uint64_t *from = sort->key, *to = sort->key_spare;
-    uint32_t *from_index = sort->index, *to_index = sort->index_spare;
-    memset(bins, 0, sizeof bins);
-    for (size_t k = 0; k < n; k++)
-        for (int d = 0; d < 6; d++) bins[d][(from[k] >> (11 * d)) & 2047u]++;
-    for (int d = 0; d < 6; d++) {
-        uint32_t *bin = bins[d], sum = 0;
-        if (bin[(from[0] >> (11 * d)) & 2047u] == n) continue;
-        for (int b = 0; b < 2048; b++) {
-            uint32_t count = bin[b];
-            bin[b] = sum;
+enum { SPHPA_TREE_BINS_ = 2048, SPHPA_TREE_PARTS_ = 8 };
+
+/* how often each value of a digit comes in [first, end) */
+SPHPA_PRIVATE_ void sphpa_tree_tally_(const uint64_t *key, size_t first, size_t end, int shift,
+                                      uint32_t bins[SPHPA_TREE_BINS_]) {
+    memset(bins, 0, SPHPA_TREE_BINS_ * sizeof *bins);
+    for (size_t k = first; k < end; k++) bins[(key[k] >> shift) & (SPHPA_TREE_BINS_ - 1)]++;
+}
+
+/* counts become places: by value, then by part. false: all keys have one value */
+SPHPA_PRIVATE_ bool sphpa_tree_places_(uint32_t (*bins)[SPHPA_TREE_BINS_], size_t n) {
+    uint32_t sum = 0;
+    for (int b = 0; b < SPHPA_TREE_BINS_; b++) {
+        uint32_t before = sum;
+        for (int part = 0; part < SPHPA_TREE_PARTS_; part++) {
+            uint32_t count = bins[part][b];
+            bins[part][b] = sum;
             sum += count;
         }
-        for (size_t k = 0; k < n; k++) {
-            uint32_t at = bin[(from[k] >> (11 * d)) & 2047u]++;
-            to[at] = from[k];
-            to_index[at] = from_index[k];
+        if (sum - before == n) return false;
+    }
+    return true;
+}
+
+/* stable: six passes of 11 bits; a digit that all keys share is skipped. Parts of the keys are
+   tallied and moved side by side, the sorted order is the same. Sorted into key, index. */
+SPHPA_PRIVATE_ void sphpa_tree_radix_sort_(const sphpa_tree_sort_ *sort, size_t n) {
+    uint32_t bins[SPHPA_TREE_PARTS_][SPHPA_TREE_BINS_];
+    uint64_t *from = sort->key, *to = sort->key_spare;
+    uint32_t *from_index = sort->index, *to_index = sort->index_spare;
+    for (int shift = 0; shift < 66; shift += 11) {
+        SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_TREE_SERIAL_))
+        for (int part = 0; part < SPHPA_TREE_PARTS_; part++)
+            sphpa_tree_tally_(from, n * (size_t)part / SPHPA_TREE_PARTS_,
+                              n * (size_t)(part + 1) / SPHPA_TREE_PARTS_, shift, bins[part]);
+        if (!sphpa_tree_places_(bins, n)) continue;
+        SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_TREE_SERIAL_))
+        for (int part = 0; part < SPHPA_TREE_PARTS_; part++) {
+            size_t end = n * (size_t)(part + 1) / SPHPA_TREE_PARTS_;
+            for (size_t k = n * (size_t)part / SPHPA_TREE_PARTS_; k < end; k++) {
+                uint32_t at = bins[part][(from[k] >> shift) & (SPHPA_TREE_BINS_ - 1)]++;
+                to[at] = from[k];
+                to_index[at] = from_index[k];
+            }
         }
         uint64_t *other = from;
         uint32_t *other_index = from_index;
@@ -7174,17 +7198,40 @@ SPHPA_PRIVATE_ sphpa_result sphpa_tree_check_particle_(int dim, size_t i, const 
     return SPHPA_OK;
 }
 
+/* the first that is wrong with one of them, of the first of them */
+SPHPA_PRIVATE_ sphpa_result sphpa_tree_check_particles_(int dim, size_t n, const double *x,
+                                                        const double *support, const sphpa_box *box,
+                                                        sphpa_error *err) {
+    int wrong = 0;
+    SPHPA_OMP(parallel for schedule(static) reduction(| : wrong) if (n > SPHPA_TREE_SERIAL_))
+    for (size_t i = 0; i < n; i++) {
+        sphpa_result result =
+            sphpa_tree_check_particle_(dim, i, x + 3 * i, support[i], box, NULL);
+        wrong |= result != SPHPA_OK ? 1 : 0;
+    }
+    sphpa_result result = SPHPA_OK;
+    for (size_t i = 0; i < n && wrong && result == SPHPA_OK; i++)
+        result = sphpa_tree_check_particle_(dim, i, x + 3 * i, support[i], box, err);
+    return result;
+}
+
 /* the bounding box of the particles, but the periodic box on the axes that wrap */
 SPHPA_PRIVATE_ sphpa_box sphpa_tree_bounds_(int dim, size_t n, const double *x,
                                             const sphpa_box *periodic) {
     sphpa_box box;
     memset(&box, 0, sizeof box);
     for (int a = 0; a < dim; a++) box.low[a] = box.high[a] = x[a];
-    for (size_t i = 1; i < n; i++)
-        for (int a = 0; a < dim; a++) {
-            box.low[a] = sphpa_min_(box.low[a], x[3 * i + (size_t)a]);
-            box.high[a] = sphpa_max_(box.high[a], x[3 * i + (size_t)a]);
+    for (int a = 0; a < dim; a++) {
+        double low = box.low[a], high = box.high[a];
+        SPHPA_OMP(parallel for schedule(static) reduction(min : low) reduction(max : high)
+                      if (n > SPHPA_TREE_SERIAL_))
+        for (size_t i = 1; i < n; i++) {
+            low = sphpa_min_(low, x[3 * i + (size_t)a]);
+            high = sphpa_max_(high, x[3 * i + (size_t)a]);
         }
+        box.low[a] = low;
+        box.high[a] = high;
+    }
     for (int a = 0; a < dim && periodic != NULL; a++) {
         if (periodic->periodic[a] == 0) continue;
         box.low[a] = periodic->low[a];
@@ -7390,8 +7437,7 @@ SPHPA_DEF sphpa_result sphpa_tree_build(sphpa_tree *tree, int dim, size_t n, con
                                         const double *support, const sphpa_box *periodic,
                                         sphpa_error *err) {
     sphpa_result result = sphpa_tree_check_arguments_(tree, dim, n, x, support, periodic, err);
-    for (size_t i = 0; i < n && result == SPHPA_OK; i++)
-        result = sphpa_tree_check_particle_(dim, i, x + 3 * i, support[i], periodic, err);
+    if (result == SPHPA_OK) result = sphpa_tree_check_particles_(dim, n, x, support, periodic, err);
     if (result != SPHPA_OK) return result;
     if (!sphpa_tree_reserve_(tree, n)) {
         tree->n = 0;
@@ -7406,6 +7452,7 @@ SPHPA_DEF sphpa_result sphpa_tree_build(sphpa_tree *tree, int dim, size_t n, con
         tree->n = 0;
         return sphpa_tree_no_memory_(err, "sphpa_tree_build", n);
     }
+    SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_TREE_SERIAL_))
     for (size_t k = 0; k < n; k++) tree->rank[tree->order[k]] = (uint32_t)k;
     sphpa_tree_tighten_all_(tree);
     return SPHPA_OK;
@@ -8439,8 +8486,30 @@ SPHPA_DEF sphpa_result sphpa_particles_append(sphpa_particles *to, const sphpa_p
     return SPHPA_OK;
 }
 
+/* memcpy and memset to 0 by all threads */
+#define SPHPA_COPY_BLOCK_ ((size_t)1 << 16)
+SPHPA_PRIVATE_ void sphpa_copy_(void *to, const void *from, size_t bytes) {
+    size_t blocks = (bytes + SPHPA_COPY_BLOCK_ - 1) / SPHPA_COPY_BLOCK_;
+    SPHPA_OMP(parallel for schedule(static) if (blocks > 16))
+    for (size_t b = 0; b < blocks; b++) {
+        size_t at = b * SPHPA_COPY_BLOCK_, left = bytes - at;
+        memcpy((char *)to + at, (const char *)from + at,
+               left < SPHPA_COPY_BLOCK_ ? left : SPHPA_COPY_BLOCK_);
+    }
+}
+
+SPHPA_PRIVATE_ void sphpa_clear_(void *to, size_t bytes) {
+    size_t blocks = (bytes + SPHPA_COPY_BLOCK_ - 1) / SPHPA_COPY_BLOCK_;
+    SPHPA_OMP(parallel for schedule(static) if (blocks > 16))
+    for (size_t b = 0; b < blocks; b++) {
+        size_t at = b * SPHPA_COPY_BLOCK_, left = bytes - at;
+        memset((char *)to + at, 0, left < SPHPA_COPY_BLOCK_ ? left : SPHPA_COPY_BLOCK_);
+    }
+}
+
 SPHPA_FORCE_INLINE_ void sphpa_gather_body_(char *to, const char *from, const uint32_t *order,
                                             size_t n, size_t bytes) {
+    SPHPA_OMP(parallel for schedule(static) if (n > 16384))
     for (size_t k = 0; k < n; k++) memcpy(to + bytes * k, from + bytes * order[k], bytes);
 }
 
@@ -8469,7 +8538,7 @@ SPHPA_DEF sphpa_result sphpa_particles_permute(sphpa_particles *p, const uint32_
         sphpa_array_ array = sphpa_particles_array_(p, k);
         if (array.bytes == 0) continue;
         sphpa_gather_(scratch, (const char *)array.data, order, p->n, array.bytes);
-        memcpy(array.data, scratch, p->n * array.bytes);
+        sphpa_copy_(array.data, scratch, p->n * array.bytes);
     }
     SPHPA_FREE(scratch);
     return SPHPA_OK;
@@ -9287,8 +9356,10 @@ SPHPA_PRIVATE_ void sphpa_sim_wrap_(sphpa_sim *sim) {
     for (int a = 0; a < sim->p.dim; a++) {
         if (!box->periodic[a]) continue;
         double low = box->low[a], high = box->high[a], length = high - low;
-        for (size_t i = 0; i < sim->p.n; i++) {
-            double *x = &sim->p.x[3 * i + (size_t)a];
+        long n = (long)sim->p.n;
+        SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_FEW_ * SPHPA_BLOCK_))
+        for (long i = 0; i < n; i++) {
+            double *x = &sim->p.x[3 * i + a];
             if (*x < low) *x = sphpa_min_(*x + length, high);
             else if (*x > high) *x = sphpa_max_(*x - length, low);
         }
@@ -9569,8 +9640,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_evaluate_(sphpa_sim *sim, double dt_stage,
     sim->stats.evaluations++;
     sphpa_result result = sphpa_sim_density_(sim, err);
     if (result != SPHPA_OK) return result;
-    memset(sim->p.a, 0, sim->p.n * 3 * sizeof(sphpa_real));
-    if (sim->p.mu_max != NULL) memset(sim->p.mu_max, 0, sim->p.n * sizeof(sphpa_real));
+    sphpa_clear_(sim->p.a, sim->p.n * 3 * sizeof(sphpa_real));
+    if (sim->p.mu_max != NULL) sphpa_clear_(sim->p.mu_max, sim->p.n * sizeof(sphpa_real));
     for (int stage = SPHPA_STAGE_GRADIENTS; stage <= (int)SPHPA_STAGE_FORCES; stage++) {
         result = sphpa_sim_stage_(sim, (sphpa_stage)stage, false, err);
         if (result != SPHPA_OK) return result;
@@ -9590,8 +9661,8 @@ SPHPA_PRIVATE_ void sphpa_sim_copy_start_(sphpa_sim *sim, bool back) {
         sphpa_array_ start =
             sphpa_particles_array_(&sim->p, k + (field ? fields : SPHPA_COLUMNS_MAX));
         if (start.bytes == 0) continue;
-        if (back) memcpy(now.data, start.data, sim->p.n * start.bytes);
-        else memcpy(start.data, now.data, sim->p.n * start.bytes);
+        if (back) sphpa_copy_(now.data, start.data, sim->p.n * start.bytes);
+        else sphpa_copy_(start.data, now.data, sim->p.n * start.bytes);
     }
 }
 
@@ -9631,7 +9702,7 @@ SPHPA_PRIVATE_ void sphpa_sim_predict_(sphpa_sim *sim) {
 }
 
 SPHPA_PRIVATE_ sphpa_result sphpa_sim_energy_(sphpa_sim *sim, sphpa_error *err) {
-    memset(sim->p.du, 0, sim->p.n * sizeof(sphpa_real));
+    sphpa_clear_(sim->p.du, sim->p.n * sizeof(sphpa_real));
     return sphpa_sim_stage_(sim, SPHPA_STAGE_ENERGY, false, err);
 }
 
