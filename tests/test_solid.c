@@ -309,7 +309,7 @@ static void correction_is_the_inverse(void **state) {
     start(&s, &p, &sim);
     ok(sphpa_sim_refresh(&sim, &err), &err);
     int checked = 0, alone = 0;
-    const double near = FINE(1e-12, 5.0 * FLOAT_ROUNDING); /* C is held as float and below 5 */
+    const double near = FINE(1e-12, 15.0 * FLOAT_ROUNDING); /* C is below 5, its sums are of floats */
     for (size_t i = 0; i < sim.p.n; i++) {
         double M[9];
         int count;
@@ -380,7 +380,7 @@ static void correction_is_blended(void **state) {
             double det = moment(&sim.p, i, M, &count), share = blend_by_hand(M, det, count, dim, C);
             for (int k = 0; k < 6; k++)
                 assert_near_abs((double)sim.p.C[6 * i + (size_t)k], C[k],
-                                FINE(1e-11, 16.0 * FLOAT_ROUNDING));
+                                FINE(1e-11, 100.0 * FLOAT_ROUNDING));
             bool full = count >= (dim == 3 ? 10 : 5);
             lopsided += full && share > 0.02 && share < 0.98;
             thin += !full && share > 0.02 && share < 0.98;
@@ -988,8 +988,8 @@ static void compare_with_hand(int dim, const sphpa_solid_params *solid, int in_y
         rates_by_hand(&b, i, a, &du, size);
         for (size_t k = 0; k < 3; k++)
             assert_near_abs((double)sim.p.a[3 * i + k], a[k],
-                            FINE(1e-10, 8.0 * FLOAT_ROUNDING) * size[0]);
-        assert_near_abs((double)sim.p.du[i], du, FINE(1e-10, 8.0 * FLOAT_ROUNDING) * size[1]);
+                            FINE(1e-10, 24.0 * FLOAT_ROUNDING) * size[0]);
+        assert_near_abs((double)sim.p.du[i], du, FINE(1e-10, 24.0 * FLOAT_ROUNDING) * size[1]);
         assert_int_equal(at_a_cut(&b, i), sim.p.cut[i] > 0);
         if (!is_broken(&sim.p, i)) whole[sim.p.cut[i] > 0]++;
     }
@@ -1318,7 +1318,8 @@ static const char *limit_of(scene_of *s, double L_xx) {
     static char name[40];
     snprintf(name, sizeof name, "%s", sim.stats.limit[chosen].name);
     /* each limit's formula, at the start: no particle exceeds it by more than the acceleration does */
-    if (strcmp(name, "density change") == 0) assert_near(sim.dt * L_xx, 0.05, 1e-9);
+    if (strcmp(name, "density change") == 0)
+        assert_near(sim.dt * L_xx, 0.05, FINE(1e-9, 8.0 * FLOAT_ROUNDING));
     if (L_xx < 0.0) { /* viscosity has its share of Courant's limit */
         double least = HUGE_VAL, mu = 0.0, c = sqrt(1.0 + 4.0 / 3.0 * s->material.G);
         for (size_t i = 0; i < sim.p.n; i++) {
