@@ -8608,9 +8608,11 @@ SPHPA_EXTERN_C_BEGIN_
 #ifdef SPHPA_FLOAT
 #define SPHPA_SQRT_(x) sqrtf(x)
 #define SPHPA_TINY_ 1e-37f
+#define SPHPA_SUM_ROUNDING_ 5e-7 /* what a sum over neighbours cannot tell apart */
 #else
 #define SPHPA_SQRT_(x) sqrt(x)
 #define SPHPA_TINY_ 1e-300
+#define SPHPA_SUM_ROUNDING_ 1e-15
 #endif
 #define SPHPA_BLOCK_ 256 /* particles a block: the unit of parallel loops and of sums */
 #define SPHPA_FEW_ 4     /* so few blocks are done by one thread: starting more costs more */
@@ -10507,7 +10509,8 @@ typedef struct sphpa_gas_root_ {
 SPHPA_PRIVATE_ void sphpa_gas_root_step_(const sphpa_gas_params *gas, int dim,
                                          sphpa_gas_root_ *root) {
     double eta = sphpa_gas_eta_(gas), h_max = gas->h_max > 0.0 ? gas->h_max : HUGE_VAL;
-    double tol = gas->h_tol > 0.0 ? gas->h_tol : 3e-4, h = root->h, x = eta / h;
+    double tol = sphpa_max_(gas->h_tol > 0.0 ? gas->h_tol : 3e-4, SPHPA_SUM_ROUNDING_);
+    double h = root->h, x = eta / h;
     double want = root->m * sphpa_kernel_power_(x, dim);
     double F = want - root->rho, dF = -dim * want / h - root->drho_dh, change = -F / dF;
     if (fabs(change) <= tol * h) {

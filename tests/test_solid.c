@@ -352,6 +352,26 @@ static double blend_by_hand(const double M[9], double det, int count, int dim, d
     return share;
 }
 
+/* how far C moves when the sums of M, of which each term is rounded with the size of the largest,
+   are off by that: much, where neighbours lie nearly in line */
+static void moved_by_rounding(const double M[9], int count, int dim, const double C[6],
+                              double slack[6]) {
+    static const int row[6] = {0, 1, 2, 0, 1, 0}, column[6] = {0, 1, 2, 1, 2, 2};
+    double size = 4.0 * FLOAT_ROUNDING * (M[0] + M[4] + M[8]);
+    for (int k = 0; k < 6; k++) slack[k] = 0.0;
+    for (int e = 0; e < 6; e++) {
+        double N[9], other[6];
+        if (row[e] >= dim || column[e] >= dim) continue;
+        memcpy(N, M, sizeof N);
+        N[3 * row[e] + column[e]] += size;
+        if (row[e] != column[e]) N[3 * column[e] + row[e]] += size;
+        double det = N[0] * (N[4] * N[8] - N[5] * N[7]) - N[1] * (N[3] * N[8] - N[5] * N[6]) +
+                     N[2] * (N[3] * N[7] - N[4] * N[6]);
+        (void)blend_by_hand(N, det, count, dim, other);
+        for (int k = 0; k < 6; k++) slack[k] += fabs(other[k] - C[k]);
+    }
+}
+
 /* a cloud that thins outwards along x, of any masses, half of it pressed together along y:
    particles with few neighbours, and with many in a row */
 static void correction_is_blended(void **state) {
@@ -375,12 +395,13 @@ static void correction_is_blended(void **state) {
         ok(sphpa_sim_refresh(&sim, &err), &err);
         int thin = 0, lopsided = 0;
         for (size_t i = 0; i < sim.p.n; i++) {
-            double M[9], C[6];
+            double M[9], C[6], slack[6];
             int count;
             double det = moment(&sim.p, i, M, &count), share = blend_by_hand(M, det, count, dim, C);
+            moved_by_rounding(M, count, dim, C, slack);
             for (int k = 0; k < 6; k++)
                 assert_near_abs((double)sim.p.C[6 * i + (size_t)k], C[k],
-                                FINE(1e-11, 100.0 * FLOAT_ROUNDING));
+                                FINE(1e-11, 5.0 * FLOAT_ROUNDING + slack[k]));
             bool full = count >= (dim == 3 ? 10 : 5);
             lopsided += full && share > 0.02 && share < 0.98;
             thin += !full && share > 0.02 && share < 0.98;
