@@ -38,7 +38,7 @@ INNER_MAKE = $(MAKE) --no-print-directory INNER=1 $(SIDE_BY_SIDE)
 .DELETE_ON_ERROR:
 .SUFFIXES:
 .PHONY: help deps deps-check check test impact impact-full sensitivity movie examples bench-eos \
-        stress-eos path-eos replay-eos tolerance-impact clean FORCE tests-build tests-run examples-build
+        stress-eos path-eos replay-eos tolerance-impact stress-sph clean FORCE tests-build tests-run examples-build
 
 help: ## list these targets (the default)
 	@echo 'make TARGET [VARIABLE=value ..]'
@@ -114,6 +114,13 @@ tolerance-impact: ## does a loose tolerance make damage ring? 1e-2 to 1e-14, dou
 	@+$(INNER_MAKE) $(TOLERANCE)_double $(TOLERANCE)_float
 	$(TOLERANCE)_double --out $(BUILD)/bench $(ARGS)
 	$(TOLERANCE)_float --out $(BUILD)/bench $(ARGS)
+
+# likewise: the first leaves its rows, the second prints one table and has the last word
+STRESS = $(BUILD)/bench/stress_sph
+stress-sph: ## what happens at the edge: extreme scenes, double and float: build/stress (five minutes)
+	@+$(INNER_MAKE) $(STRESS)_double $(STRESS)_float
+	$(STRESS)_double --out $(BUILD)/stress --leave rows $(ARGS)
+	$(STRESS)_float --out $(BUILD)/stress --join rows $(ARGS)
 
 # ---- tests and checks ----
 test: ## build and run the tests, one program a section
@@ -222,6 +229,13 @@ $(TOLERANCE_BOTH): $(BUILD)/bench/tolerance_impact_%: bench/tolerance_impact.c s
 	@mkdir -p $(@D)
 	$(filter-out -DSPHPA_FLOAT,$(COMPILE)) $(if $(findstring float,$*),-DSPHPA_FLOAT) $(WARNINGS) \
 	    $(BENCH_ABOUT) $< -o $@ $(LINK_FLAGS) $(LIBS)
+
+STRESS_BOTH = $(addprefix $(BUILD)/bench/stress_sph_,double float)
+$(STRESS_BOTH): $(BUILD)/bench/stress_sph_%: bench/stress_sph.c sphpa.h $(BUILD)/flags.mk \
+    $(wildcard bench/stress_*.h) examples/example.h
+	@mkdir -p $(@D)
+	$(filter-out -DSPHPA_FLOAT,$(COMPILE)) $(if $(findstring float,$*),-DSPHPA_FLOAT) $(WARNINGS) \
+	    $< -o $@ $(LINK_FLAGS) $(LIBS)
 
 $(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h) examples/example.h
 	@mkdir -p $(BUILD)/bench
