@@ -5,7 +5,7 @@
 
 #define STRESS_DRIFT 1e-4   /* energy and momentum: more is a failure, in double and in float */
 #define STRESS_MASS 1e-12   /* mass does not change at all; its sum is rounded in another order */
-#define STRESS_STEPS 200000 /* of a case */
+#define STRESS_STEPS 200000.0 /* of a simulation, at most */
 #define STRESS_LOOK 16      /* steps between looks at every field */
 
 /* ---- verdicts -------------------------------------------------------------------------------- */
@@ -60,7 +60,7 @@ enum { STRESS_BODIES = 2 };
 
 /* All that a case's simulation points to. */
 typedef struct stress_world {
-    double limit; /* [s] of processor time */
+    double limit, most_steps; /* [s] of processor time; [1] of one simulation */
     int quick;
     sphpa_ideal ideal;
     sphpa_murnaghan murnaghan;
@@ -88,13 +88,14 @@ typedef struct stress_world {
 
 /* for the next simulation of the same case */
 static void stress_clear(stress_world *w) {
-    double limit = w->limit;
+    double limit = w->limit, most_steps = w->most_steps;
     int quick = w->quick;
     clock_t begun = w->begun;
     sphpa_sim_free(&w->sim);
     sphpa_particles_free(&w->p);
     memset(w, 0, sizeof *w);
     w->limit = limit;
+    w->most_steps = most_steps;
     w->quick = quick;
     w->begun = begun;
 }
@@ -167,7 +168,7 @@ static sphpa_result stress_step(sphpa_sim *sim, void *user, sphpa_error *err) {
     if (!(row->dt_least > 0.0) || sim->dt_free < row->dt_least) row->dt_least = sim->dt_free;
     if (sim->stats.steps % STRESS_LOOK == 1 && !stress_sound(sim, row))
         return sphpa_error_set(err, SPHPA_STOPPED, "not finite");
-    if (row->steps < STRESS_STEPS && stress_seconds(w) < w->limit) return SPHPA_OK;
+    if ((double)sim->stats.steps < w->most_steps && stress_seconds(w) < w->limit) return SPHPA_OK;
     row->verdict = STRESS_TOO_SLOW;
     const char *which = sim->stats.limit[sim->stats.limit_last].name;
     snprintf(row->message, sizeof row->message,
