@@ -6,6 +6,7 @@
 #define STRESS_DRIFT 1e-4   /* energy and momentum: more is a failure, in double and in float */
 #define STRESS_MASS 1e-12   /* mass does not change at all; its sum is rounded in another order */
 #define STRESS_STEPS 200000.0 /* of a simulation, at most */
+#define STRESS_BELOW 0.01   /* of the energy may be below zero, the sum of u < 0 */
 #define STRESS_LOOK 16      /* steps between looks at every field */
 
 /* ---- verdicts -------------------------------------------------------------------------------- */
@@ -35,6 +36,7 @@ typedef struct stress_row {
     double dt_first, dt_least;    /* [s] of the first step and of the shortest one */
     double error;                         /* against what the case says; NAN: nothing exact */
     double mass, momentum, energy;        /* drifts [1]; see stress_drifts */
+    double below;                         /* [1] energy below zero, over the total */
     double seconds;                       /* processor time */
     double number;                        /* the case's own, such as where the CFL number breaks */
     char note[96];                        /* what else was measured */
@@ -203,6 +205,7 @@ static void stress_drifts(const stress_world *w, stress_row *row) {
     row->mass = fmax(row->mass, fabs(now.mass / was->mass - 1.0));
     row->momentum = fmax(row->momentum, sqrt(off) / scale);
     row->energy = fmax(row->energy, fabs(now.energy / was->energy - 1.0));
+    row->below = w->sim.stats.u_deficit / was->energy;
 }
 
 /* to t_end; true: it got there, and what it has there is sound. Fields are those of t_end. */
@@ -248,6 +251,10 @@ static void stress_judge(const stress_case *c, stress_row *row) {
         snprintf(row->message, sizeof row->message,
                  "mass, momentum, energy drift by %.1e, %.1e, %.1e; %g is allowed", row->mass,
                  row->momentum, row->energy, STRESS_DRIFT);
+    } else if (row->below > STRESS_BELOW) {
+        row->verdict = STRESS_WRONG;
+        snprintf(row->message, sizeof row->message, "u is below zero by %.2g of all energy; %g is "
+                 "allowed", row->below, STRESS_BELOW);
     } else if (c->allowed > 0.0 && !(row->error <= c->allowed)) {
         row->verdict = STRESS_WRONG;
         snprintf(row->message, sizeof row->message, "%s off by %.3g; %g is allowed", c->error_of,
