@@ -4,9 +4,9 @@
    A case survives (it reaches its end with a state that is finite in every field, with its mass,
    momentum and energy, and with the right answer where one is known) or it is stopped by the
    library with a message that says what and where. All else is a failure: a wrong answer, a drift,
-   a NaN that went unnoticed, steps that fall for ever, a message that tells nothing, a crash, a hang.
-   Each case runs in a child process, so that a crash or a hang of one is a row of the table and not
-   the end of it; where there is no fork() they run one after the other in this one. Planted
+   a NaN that went unnoticed, steps that fall for ever, a message that tells nothing, a crash, a
+   hang. Each case runs in a child process, so that a crash or a hang of one is a row of the table
+   and not the end of it; where there is no fork() they run one after the other in this one. Planted
    mistakes of every kind show on each run that the judge sees them. The scenes, and what their
    errors are of, stand in stress_scenes.h; the guards in stress_run.h. */
 #include "examples/example.h"
@@ -81,8 +81,8 @@ typedef struct stress_child {
 } stress_child;
 
 #if EXAMPLE_POSIX
-/* The system ends a child that uses more processor time than it should have ended itself at, however
-   busy the machine is; by the clock on the wall only what sleeps for ever. */
+/* The system ends a child that uses more processor time than it should have ended itself at,
+   however busy the machine is; by the clock on the wall only what sleeps for ever. */
 static void stress_bound_time(double limit) {
 #if defined(RLIMIT_CPU) && defined(SIGXCPU)
     struct rlimit bound;
@@ -340,8 +340,9 @@ static void stress_print_table(const stress_report *report) {
         if (d != NULL) stress_print_row(d, false);
         if (f != NULL) stress_print_row(f, d != NULL);
     }
-    printf("\nerror: of what stress_scenes.h says, relative. dp, dE: drift of momentum and energy;\n"
-           "up to %g is allowed. s: processor time. stopped: by the library, with this message.\n",
+    printf("\nerror: of what stress_scenes.h says, relative. dp, dE: drift of momentum and\n"
+           "energy; up to %g is allowed. s: processor time. stopped: by the library, with this\n"
+           "message.\n",
            STRESS_DRIFT);
 }
 
@@ -357,6 +358,7 @@ static void stress_csv_text(FILE *to, const char *text) {
 static void stress_write_csv(const stress_report *report) {
     example_file file = example_open(report->out, "stress_sph.csv");
     FILE *to = file.stream;
+    fflush(stdout); /* the table comes before what is said here */
     fprintf(to, "case,setting,real,verdict,steps,t_s,t_end_s,dt_least_s,error,error_of,allowed,"
                 "drift_mass,drift_momentum,drift_energy,below_zero,number,cpu_s,note,message\n");
     for (int k = 0; k < report->count; k++) {
@@ -419,7 +421,7 @@ int main(int argc, char **argv) {
         example_flag("quick", &report.quick, "fewer cases, and smaller: under a minute"),
         example_text("only", "NAME", &report.only, "the cases whose names begin with it"),
         example_flag("list", &list, "print the cases and end"),
-        example_number("limit", "s", &report.limit, 0.1, 1e6, "processor time that a case may take"),
+        example_number("limit", "s", &report.limit, 0.1, 1e6, "processor time for a case"),
         example_count("threads", &report.threads, 0, STRESS_AT_ONCE,
                       "cases at a time, each on one thread; 0: as many as the machine has"),
         example_text("out", "FOLDER", &report.out, "for stress_sph.csv"),
