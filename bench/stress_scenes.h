@@ -380,7 +380,7 @@ static double stress_nearest(const sphpa_sim *sim, double unit, double *each) {
 }
 
 /* A block of 10^3 particles 1 m apart, and one more at the distance a [m] from one in its middle.
-   b: 0 gas (gamma 5/3, u 1, rho 1, periodic box), 1 basalt, in the open. For ten (gas) or three
+   b: 0 gas (gamma 5/3, u 1, rho 1, periodic box), 1 basalt with 1e4 J/kg, in the open. For ten (gas) or three
    crossings of a spacing by sound. */
 static void stress_close(const stress_case *c, stress_world *w, stress_row *row) {
     const double low[3] = {0.0, 0.0, 0.0}, high[3] = {10.0, 10.0, 10.0};
@@ -395,7 +395,7 @@ static void stress_close(const stress_case *c, stress_world *w, stress_row *row)
     for (int a = 0; a < 3 && gas; a++)
         w->options.box.periodic[a] = 1, w->options.box.high[a] = 10.0;
     body.rho = gas ? 1.0 : w->material[0].eos.rho0;
-    body.u = gas ? 1.0 : 0.0;
+    body.u = gas ? 1.0 : 1e4; /* so that there is pressure */
     body.spacing = 1.0;
     sphpa_result result = sphpa_make_begin(&w->p, 3, &err);
     if (result == SPHPA_OK) result = sphpa_make_box(&w->p, low, high, &body, &err);
