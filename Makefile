@@ -117,7 +117,7 @@ tolerance-impact: ## does a loose tolerance make damage ring? 1e-2 to 1e-14, dou
 
 # likewise: the first leaves its rows, the second prints one table and has the last word
 STRESS = $(BUILD)/bench/stress_sph
-stress-sph: ## what happens at the edge: extreme scenes, double and float: build/stress (five minutes)
+stress-sph: ## what happens at the edge: extreme scenes, double and float: build/stress (six minutes)
 	@+$(INNER_MAKE) $(STRESS)_double $(STRESS)_float
 	$(STRESS)_double --out $(BUILD)/stress --leave rows $(ARGS)
 	$(STRESS)_float --out $(BUILD)/stress --join rows $(ARGS)

@@ -380,8 +380,8 @@ static double stress_nearest(const sphpa_sim *sim, double unit, double *each) {
 }
 
 /* A block of 10^3 particles 1 m apart, and one more at the distance a [m] from one in its middle.
-   b: 0 gas (gamma 5/3, u 1, rho 1, periodic box), 1 basalt with 1e4 J/kg, in the open. For ten (gas) or three
-   crossings of a spacing by sound. */
+   b: 0 gas (gamma 5/3, u 1, rho 1, periodic box), 1 basalt with 1e4 J/kg, in the open. For ten (gas) or
+   three crossings of a spacing by sound. */
 static void stress_close(const stress_case *c, stress_world *w, stress_row *row) {
     const double low[3] = {0.0, 0.0, 0.0}, high[3] = {10.0, 10.0, 10.0};
     bool gas = c->b < 0.5;
