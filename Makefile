@@ -38,7 +38,8 @@ INNER_MAKE = $(MAKE) --no-print-directory INNER=1 $(SIDE_BY_SIDE)
 .DELETE_ON_ERROR:
 .SUFFIXES:
 .PHONY: help deps deps-check check test impact impact-full sensitivity movie examples bench-eos \
-        stress-eos path-eos replay-eos tolerance-impact bench-sph clean FORCE tests-build tests-run examples-build
+        stress-eos path-eos replay-eos tolerance-impact bench-sph stress-sph verify clean FORCE tests-build \
+        tests-run examples-build
 
 help: ## list these targets (the default)
 	@echo 'make TARGET [VARIABLE=value ..]'
@@ -120,6 +121,13 @@ bench-sph: ## particles a second and core, gas to porous solid: build/bench/sph.
 	@+$(INNER_MAKE) $(BUILD)/bench/bench_sph_double $(BUILD)/bench/bench_sph_float
 	$(BUILD)/bench/bench_sph_double --out $(BUILD)/bench $(ARGS)
 	$(BUILD)/bench/bench_sph_float --out $(BUILD)/bench --append $(ARGS)
+
+# likewise: the first leaves its rows, the second prints one table and has the last word
+STRESS = $(BUILD)/bench/stress_sph
+stress-sph: ## what happens at the edge: extreme scenes, double and float: build/stress (six minutes)
+	@+$(INNER_MAKE) $(STRESS)_double $(STRESS)_float
+	$(STRESS)_double --out $(BUILD)/stress --leave rows $(ARGS)
+	$(STRESS)_float --out $(BUILD)/stress --join rows $(ARGS)
 
 # ---- tests and checks ----
 test: ## build and run the tests, one program a section
@@ -222,17 +230,19 @@ $(TIMED): $(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench
 	@mkdir -p $(@D)
 	$(BENCH_COMPILE) $(WARNINGS) $(BENCH_ABOUT) $< -o $@ $(LINK_FLAGS) $(LIBS)
 
-# one source, both precisions, whatever REAL is
-BOTH = $(if $(findstring _float,$@),-DSPHPA_FLOAT) $(WARNINGS) $(BENCH_ABOUT) $< -o $@ $(LINK_FLAGS) $(LIBS)
-$(addprefix $(BUILD)/bench/tolerance_impact_,double float): bench/tolerance_impact.c sphpa.h \
-    $(BUILD)/flags.mk $(wildcard bench/*.h examples/*.h) examples/pumice_impact.c
+# one source, both precisions, whatever REAL is; what times the engine gets the vectors too
+both = $(addprefix $(BUILD)/bench/$(1)_,double float)
+BOTH_NEED = sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h examples/*.h)
+BOTH_END = $(if $(findstring _float,$@),-DSPHPA_FLOAT) $(WARNINGS) $(BENCH_ABOUT) $< -o $@ $(LINK_FLAGS) $(LIBS)
+$(call both,tolerance_impact): bench/tolerance_impact.c $(BOTH_NEED) examples/pumice_impact.c
 	@mkdir -p $(@D)
-	$(filter-out -DSPHPA_FLOAT,$(COMPILE)) $(BOTH)
-
-$(addprefix $(BUILD)/bench/bench_sph_,double float): bench/bench_sph.c sphpa.h $(BUILD)/flags.mk \
-    $(wildcard bench/*.h) examples/example.h
+	$(filter-out -DSPHPA_FLOAT,$(COMPILE)) $(BOTH_END)
+$(call both,bench_sph): bench/bench_sph.c $(BOTH_NEED)
 	@mkdir -p $(@D)
-	$(filter-out -DSPHPA_FLOAT,$(BENCH_COMPILE)) $(BOTH)
+	$(filter-out -DSPHPA_FLOAT,$(BENCH_COMPILE)) $(BOTH_END)
+$(call both,stress_sph): bench/stress_sph.c $(BOTH_NEED)
+	@mkdir -p $(@D)
+	$(filter-out -DSPHPA_FLOAT,$(COMPILE)) $(BOTH_END)
 
 $(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h) examples/example.h
 	@mkdir -p $(BUILD)/bench
