@@ -9844,7 +9844,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_limit_(sphpa_sim *sim, sphpa_error *err) {
         char where[120];
         snprintf(where, sizeof where, "no usable time step, %g s by the limit \"%.60s\"", least,
                  stats->limit[which].name);
-        return sphpa_sim_bad_(sim, who, where, SPHPA_ERROR_RANGE, err);
+        return sphpa_sim_bad_(sim, who, where, SPHPA_ERROR_STATE, err);
     }
     sim->dt_next = least;
     return SPHPA_OK;
@@ -9956,10 +9956,13 @@ SPHPA_DEF sphpa_result sphpa_sim_step(sphpa_sim *sim, double dt_limit, sphpa_err
     bool cut = dt_limit < sim->dt_next;
     if (!cut && sim->dt_next < sphpa_sim_floor_(sim)) {
         size_t who = sim->p.n - 1;
+        char where[200];
         while (who > 0 && sim->p.id[who] != sim->stats.limit_id) who--;
-        (void)sphpa_sim_bad_(sim, who, "time step below its floor",
-                             SPHPA_ERROR_RANGE, err);
-        return SPHPA_ERROR_STATE;
+        snprintf(where, sizeof where,
+                 "the next step, %.3g s by the limit \"%.60s\", is below its floor of %.3g s (set "
+                 "dt_min lower if the scene needs such steps)", sim->dt_next,
+                 sim->stats.limit[sim->stats.limit_last].name, sphpa_sim_floor_(sim));
+        return sphpa_sim_bad_(sim, who, where, SPHPA_ERROR_STATE, err);
     }
     sim->dt_free = sim->dt_next;
     sim->dt = cut ? dt_limit : sim->dt_next;
