@@ -9351,8 +9351,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_rebuild_(sphpa_sim *sim, sphpa_error *err)
     return SPHPA_OK;
 }
 
-/* positions into the periodic box; a particle more than one box away is left for the tree to
-   complain about */
+/* positions into the periodic box, however many boxes away (NaN stays, for the check to find) */
 SPHPA_PRIVATE_ void sphpa_sim_wrap_(sphpa_sim *sim) {
     const sphpa_box *box = &sim->options.box;
     for (int a = 0; a < sim->p.dim; a++) {
@@ -9362,8 +9361,8 @@ SPHPA_PRIVATE_ void sphpa_sim_wrap_(sphpa_sim *sim) {
         SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_FEW_ * SPHPA_BLOCK_))
         for (long i = 0; i < n; i++) {
             double *x = &sim->p.x[3 * i + a];
-            if (*x < low) *x = sphpa_min_(*x + length, high);
-            else if (*x > high) *x = sphpa_max_(*x - length, low);
+            if (*x >= low && *x <= high) continue;
+            *x = sphpa_clamp_(*x - length * floor((*x - low) / length), low, high);
         }
     }
 }
