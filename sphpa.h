@@ -9614,13 +9614,35 @@ SPHPA_PRIVATE_ bool sphpa_sim_has_stage_(const sphpa_sim *sim, sphpa_stage stage
     return false;
 }
 
+/* A density went bad: because particles lie on one point, or what else is wrong with the first one
+   whose state is bad; OK: none is. */
+SPHPA_PRIVATE_ sphpa_result sphpa_sim_density_check_(sphpa_sim *sim, sphpa_error *err) {
+    size_t bad = sphpa_sim_first_bad_(sim), i = 0, j = 0;
+    if (bad == sim->p.n) return SPHPA_OK;
+    sphpa_result why = sphpa_particle_check_(&sim->p, bad, NULL);
+    char where[200] = "density";
+    if (!(sim->p.rho[bad] == sim->p.rho[bad]))
+        snprintf(where, sizeof where, "no smoothing length fits the density of particle %zu: %s",
+                 bad, "too many particles within a small part of its h, or it has too small an eta");
+    for (size_t k = 0; k < sim->p.n; k++) /* a support that a tree can be built with */
+        if (!(sim->p.h[k] > (sphpa_real)1e-30)) sim->p.h[k] = (sphpa_real)1e-30;
+    if (sphpa_sim_build_tree_(sim, NULL) == SPHPA_OK &&
+        sphpa_tree_coincident(&sim->tree, &i, &j) != SPHPA_OK) {
+        snprintf(where, sizeof where, "density: particles %zu and %zu (ids %lld, %lld) came to lie "
+                 "on one point", i, j, (long long)sim->p.id[i], (long long)sim->p.id[j]);
+        bad = i;
+        why = SPHPA_ERROR_STATE;
+    }
+    return sphpa_sim_bad_(sim, bad, where, why, err);
+}
+
 /* density sums change h; where one outgrows its list, new lists and once more */
 SPHPA_PRIVATE_ sphpa_result sphpa_sim_density_(sphpa_sim *sim, sphpa_error *err) {
     sphpa_result result = sphpa_sim_neighbours_(sim, err);
     if (result != SPHPA_OK || !sphpa_sim_has_stage_(sim, SPHPA_STAGE_DENSITY)) return result;
     for (int round = 0; round < 60; round++) {
         result = sphpa_sim_stage_(sim, SPHPA_STAGE_DENSITY, false, err);
-        if (result == SPHPA_OK) result = sphpa_sim_check_(sim, "density", err);
+        if (result == SPHPA_OK) result = sphpa_sim_density_check_(sim, err);
         if (result != SPHPA_OK || sphpa_sim_lists_hold_(sim)) return result;
         result = sphpa_sim_rebuild_(sim, err);
         if (result != SPHPA_OK) return result;
@@ -10826,7 +10848,6 @@ SPHPA_PRIVATE_ double sphpa_gas_courant_(const sphpa_sim *sim, const void *param
 
 SPHPA_PRIVATE_ sphpa_result sphpa_gas_setup_(sphpa_sim *sim, void *params, sphpa_error *err) {
     const sphpa_gas_params *gas = (const sphpa_gas_params *)params;
-    (void)sim;
     bool eos = gas->eos != NULL && gas->materials > 0;
     for (int k = 0; k < gas->materials && eos; k++) eos = gas->eos[k].eval != NULL;
     if (!eos)
@@ -10837,6 +10858,12 @@ SPHPA_PRIVATE_ sphpa_result sphpa_gas_setup_(sphpa_sim *sim, void *params, sphpa
                                   {"h_tol", gas->h_tol},
                                   {"conduction", gas->conduction}};
     sphpa_result result = sphpa_numbers_check_("gas", all, 4, err);
+    double self = sphpa_kernel_w(sim->options.kernel, sim->p.dim, 0.0, 1.0);
+    double eta = sphpa_gas_eta_(gas), least = pow(self, 1.0 / sim->p.dim);
+    if (result == SPHPA_OK && !(eta > least)) /* W(0) alone is denser than (1) allows: h falls to 0 */
+        return sphpa_error_set(err, SPHPA_ERROR_RANGE,
+                               "gas: eta = %g; a particle's own kernel asks for more than %.3g with "
+                               "this kernel in %d-D, give 1.2 or so", eta, least, sim->p.dim);
     return result == SPHPA_OK ? sphpa_viscosity_check_("gas", &gas->viscosity, err) : result;
 }
 
