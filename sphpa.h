@@ -8904,6 +8904,7 @@ typedef struct sphpa_pair_buffer_ {
 } sphpa_pair_buffer_;
 
 struct sphpa_work {
+    double flow_x[3], flow_v[3], flow_H; /* [m] [m/s] [1/s] see sphpa_sim_flow_ */
     int threads;
     sphpa_pair_buffer_ *buffer; /* (threads) */
     size_t longest;             /* most neighbours in a list */
@@ -9623,7 +9624,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_density_check_(sphpa_sim *sim, sphpa_error
     char where[200] = "density";
     if (!(sim->p.rho[bad] == sim->p.rho[bad]))
         snprintf(where, sizeof where, "no smoothing length fits the density of particle %zu: %s",
-                 bad, "too many particles within a small part of its h, or it has too small an eta");
+                 bad, "too many particles within a small part of its h, or too small an eta");
     for (size_t k = 0; k < sim->p.n; k++) /* a support that a tree can be built with */
         if (!(sim->p.h[k] > (sphpa_real)1e-30)) sim->p.h[k] = (sphpa_real)1e-30;
     if (sphpa_sim_build_tree_(sim, NULL) == SPHPA_OK &&
@@ -9807,6 +9808,47 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_commit_(sphpa_sim *sim, sphpa_error *err) 
 /* a < b, where NaN counts as less than anything, so that it is not overlooked */
 SPHPA_FORCE_INLINE_ bool sphpa_sooner_(double a, double b) { return b == b && !(a >= b); }
 
+/* Sums of a block: m, m x, m v, m x.x, m x.v. */
+SPHPA_PRIVATE_ void sphpa_sim_flow_of_block_(const sphpa_particles *p, size_t first, size_t last,
+                                             double sum[9]) {
+    for (int k = 0; k < 9; k++) sum[k] = 0.0;
+    for (size_t i = first; i < last; i++) {
+        double m = (double)p->m[i];
+        sum[0] += m;
+        for (size_t a = 0; a < 3; a++) {
+            double x = p->x[3 * i + a], v = (double)p->v[3 * i + a];
+            sum[1 + a] += m * x;
+            sum[4 + a] += m * v;
+            sum[7] += m * x * x;
+            sum[8] += m * x * v;
+        }
+    }
+}
+
+/* The flow that brings nothing together: V of the centre of mass X, and an expansion H (x - X),
+   H >= 0 by least squares (0 in a periodic box, where x means nothing). In blocks of fixed size. */
+SPHPA_PRIVATE_ void sphpa_sim_flow_(sphpa_sim *sim) {
+    struct sphpa_work *work = sim->work;
+    const int *wraps = sim->options.box.periodic;
+    long blocks = (long)sphpa_blocks_(sim->p.n);
+    SPHPA_OMP(parallel for schedule(static) if (blocks > SPHPA_FEW_))
+    for (long block = 0; block < blocks; block++)
+        sphpa_sim_flow_of_block_(&sim->p, (size_t)block * SPHPA_BLOCK_,
+                                 sphpa_block_end_((size_t)block, sim->p.n),
+                                 &work->block_sum[12 * block]);
+    double all[9] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    for (long block = 0; block < blocks; block++)
+        for (int k = 0; k < 9; k++) all[k] += work->block_sum[12 * block + k];
+    double xx = all[7], xv = all[8];
+    for (int a = 0; a < 3; a++) {
+        work->flow_x[a] = all[1 + a] / all[0];
+        work->flow_v[a] = all[4 + a] / all[0];
+        xx -= work->flow_x[a] * all[1 + a];
+        xv -= work->flow_x[a] * all[4 + a];
+    }
+    work->flow_H = wraps[0] || wraps[1] || wraps[2] || !(xx > 0.0) ? 0.0 : sphpa_max_(xv / xx, 0.0);
+}
+
 /* the least of one limit over all particles and whose it is; ties go to the lower index */
 SPHPA_PRIVATE_ double sphpa_sim_least_(sphpa_sim *sim, const sphpa_pass *pass, const void *params,
                                        size_t *who) {
@@ -9846,6 +9888,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_limit_(sphpa_sim *sim, sphpa_error *err) {
     size_t who = 0, candidate = 0;
     double least = sphpa_sim_least_(sim, NULL, NULL, &who);
     int which = SPHPA_LIMIT_FORCE_, slot = SPHPA_LIMIT_FORCE_ + 1;
+    sphpa_sim_flow_(sim);
     for (int k = 0; k < sim->passes; k++) {
         if (sim->pass[k]->stage != SPHPA_STAGE_LIMIT) continue;
         double since = sphpa_wall_clock();
@@ -10449,6 +10492,22 @@ SPHPA_PRIVATE_ double sphpa_courant_(const sphpa_sim *sim, const sphpa_viscosity
     return sim->options.cfl * (double)sim->p.h[i] / (c + 1.2 * (a * c + b * mu) + 1e-300);
 }
 
+#define SPHPA_FLIGHT_ 0.5 /* [h] */
+
+/* [s] the step in which a particle moves by SPHPA_FLIGHT_ h against the flow of all: what comes
+   from beyond its support must be met before it is flown through, and no other limit knows of it */
+SPHPA_PRIVATE_ double sphpa_flight_(const sphpa_sim *sim, const void *params, size_t i) {
+    const struct sphpa_work *work = sim->work;
+    double w2 = 0.0;
+    (void)params;
+    for (size_t a = 0; a < 3; a++) {
+        double w = (double)sim->p.v[3 * i + a] - work->flow_v[a] -
+                   work->flow_H * (sim->p.x[3 * i + a] - work->flow_x[a]);
+        w2 += w * w;
+    }
+    return SPHPA_FLIGHT_ * (double)sim->p.h[i] / (sqrt(w2) + 1e-300);
+}
+
 /* the next pass of a module under construction: a PARTICLE pass until told otherwise */
 SPHPA_PRIVATE_ sphpa_pass *sphpa_module_pass_(sphpa_module *module, const char *name,
                                               sphpa_stage stage, sphpa_mask reads,
@@ -10860,10 +10919,10 @@ SPHPA_PRIVATE_ sphpa_result sphpa_gas_setup_(sphpa_sim *sim, void *params, sphpa
     sphpa_result result = sphpa_numbers_check_("gas", all, 4, err);
     double self = sphpa_kernel_w(sim->options.kernel, sim->p.dim, 0.0, 1.0);
     double eta = sphpa_gas_eta_(gas), least = pow(self, 1.0 / sim->p.dim);
-    if (result == SPHPA_OK && !(eta > least)) /* W(0) alone is denser than (1) allows: h falls to 0 */
+    if (result == SPHPA_OK && !(eta > least)) /* W(0) alone is denser than (1) allows */
         return sphpa_error_set(err, SPHPA_ERROR_RANGE,
-                               "gas: eta = %g; a particle's own kernel asks for more than %.3g with "
-                               "this kernel in %d-D, give 1.2 or so", eta, least, sim->p.dim);
+                               "gas: eta = %g; a particle's own kernel asks for more than %.3g "
+                               "with this kernel in %d-D, give 1.2 or so", eta, least, sim->p.dim);
     return result == SPHPA_OK ? sphpa_viscosity_check_("gas", &gas->viscosity, err) : result;
 }
 
@@ -10917,6 +10976,10 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params) {
                                              SPHPA_F(h) | SPHPA_F(c) | SPHPA_F(mu_max), 0);
     courant->kind = SPHPA_PASS_REDUCE;
     courant->limit = sphpa_gas_courant_;
+    sphpa_pass *flight = sphpa_module_pass_(&module, "flight", SPHPA_STAGE_LIMIT,
+                                            SPHPA_F(h) | SPHPA_F(v), 0);
+    flight->kind = SPHPA_PASS_REDUCE;
+    flight->limit = sphpa_flight_;
     return module;
 }
 
@@ -11761,12 +11824,12 @@ SPHPA_PRIVATE_ sphpa_result sphpa_solid_check_all_(const sphpa_sim *sim, const v
 }
 
 SPHPA_PRIVATE_ void sphpa_solid_limits_(sphpa_module *module) {
-    static const char *const name[3] = {"courant", "density change", "energy change"};
-    double (*const limit[3])(const sphpa_sim *, const void *, size_t) = {
-        sphpa_solid_courant_, sphpa_solid_rho_limit_, sphpa_solid_u_limit_};
-    const sphpa_mask reads[3] = {SPHPA_F(h) | SPHPA_F(c) | SPHPA_F(mu_max), SPHPA_F(div_v),
-                                 SPHPA_F(u) | SPHPA_F(du)};
-    for (int k = 0; k < 3; k++) {
+    static const char *const name[4] = {"courant", "density change", "energy change", "flight"};
+    double (*const limit[4])(const sphpa_sim *, const void *, size_t) = {
+        sphpa_solid_courant_, sphpa_solid_rho_limit_, sphpa_solid_u_limit_, sphpa_flight_};
+    const sphpa_mask reads[4] = {SPHPA_F(h) | SPHPA_F(c) | SPHPA_F(mu_max), SPHPA_F(div_v),
+                                 SPHPA_F(u) | SPHPA_F(du), SPHPA_F(h) | SPHPA_F(v)};
+    for (int k = 0; k < 4; k++) {
         sphpa_pass *pass = sphpa_module_pass_(module, name[k], SPHPA_STAGE_LIMIT, reads[k], 0);
         pass->kind = SPHPA_PASS_REDUCE;
         pass->limit = limit[k];
