@@ -9336,6 +9336,14 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_rebuild_(sphpa_sim *sim, sphpa_error *err)
     sphpa_sim_time_(sim, SPHPA_TIME_TREE_SORT, start);
     start = sphpa_wall_clock();
     result = sphpa_tree_lists_build(&sim->tree, sim->options.skin, SPHPA_LANES_, &sim->lists, err);
+    if (result == SPHPA_ERROR_RANGE && sim->p.n <= (size_t)1 << SPHPA_TREE_ENTRY_BITS) {
+        size_t who = 0;
+        for (size_t i = 0; i < sim->p.n; i++)
+            if (sim->p.h[i] > sim->p.h[who]) who = i;
+        return sphpa_sim_bad_(sim, who, "the support of this particle and the skin reach over half "
+                              "the periodic box (bound h by h_max, or take more particles or a "
+                              "longer box)", SPHPA_ERROR_STATE, err);
+    }
     if (result != SPHPA_OK) return result;
     size_t longest = 0;
     for (size_t g = 0; g < sim->lists.groups; g++)
