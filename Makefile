@@ -129,6 +129,13 @@ stress-sph: ## what happens at the edge: extreme scenes, double and float: build
 	$(STRESS)_double --out $(BUILD)/stress --leave rows $(ARGS)
 	$(STRESS)_float --out $(BUILD)/stress --join rows $(ARGS)
 
+# double and float in one table: the double program leaves its rows for the float one, which counts all
+VERIFY = $(BUILD)/bench/verify
+verify: ## standard problems: how wrong, how long, what is conserved, in build/verify (ARGS=--quick: 4 minutes)
+	@+$(INNER_MAKE) $(VERIFY)_double $(VERIFY)_float
+	$(VERIFY)_double --out $(BUILD)/verify --join $(ARGS)
+	$(if $(filter --help -h --version --list,$(ARGS)),,$(VERIFY)_float --out $(BUILD)/verify --join $(ARGS))
+
 # ---- tests and checks ----
 test: ## build and run the tests, one program a section
 	@$(DEPS) test
@@ -241,6 +248,10 @@ $(call both,bench_sph): bench/bench_sph.c $(BOTH_NEED)
 	@mkdir -p $(@D)
 	$(filter-out -DSPHPA_FLOAT,$(BENCH_COMPILE)) $(BOTH_END)
 $(call both,stress_sph): bench/stress_sph.c $(BOTH_NEED)
+	@mkdir -p $(@D)
+	$(filter-out -DSPHPA_FLOAT,$(COMPILE)) $(BOTH_END)
+
+$(call both,verify): bench/verify.c $(BOTH_NEED)
 	@mkdir -p $(@D)
 	$(filter-out -DSPHPA_FLOAT,$(COMPILE)) $(BOTH_END)
 
