@@ -39,7 +39,7 @@ static void verify_cloud_list(verify_cloud *points, double radius, sphpa_tree *t
     for (size_t i = 0; i < points->n; i++) points->support[i] = radius;
     verify_must(sphpa_tree_build(tree, points->dim, points->n, points->x, points->support,
                                  &points->box, &err), &err);
-    verify_must(sphpa_tree_lists_build(tree, 0.0, lists, &err), &err);
+    verify_must(sphpa_tree_lists_build(tree, 0.0, 1, lists, &err), &err);
 }
 
 /* x_i - x_j of the nearest image in the unit box; returns the distance */
@@ -79,7 +79,8 @@ static void verify_cloud_settle(verify_cloud *points, double spacing) {
             size_t count;
             const uint32_t *list = sphpa_tree_list_of(&lists, k, &count);
             for (size_t q = 0; q < count; q++) {
-                double dx[3], r = verify_cloud_apart(&tree, k, list[q], dx);
+                size_t j = SPHPA_TREE_ENTRY_INDEX(list[q]);
+                double dx[3], r = verify_cloud_apart(&tree, k, j, dx);
                 double dw = sphpa_kernel_dw(SPHPA_KERNEL_WENDLAND_C2, points->dim, r, h);
                 for (int a = 0; a < points->dim; a++)
                     points->x[3 * (size_t)tree.order[k] + (size_t)a] -=
@@ -105,11 +106,13 @@ static void verify_cloud_sums(verify_cloud *points, sphpa_kernel kernel, double 
     for (size_t k = 0; k < points->n; k++) {
         size_t count;
         const uint32_t *list = sphpa_tree_list_of(&lists, k, &count);
-        double sum = sphpa_kernel_w(kernel, points->dim, 0.0, h), div = 0.0, push[3] = {0, 0, 0};
-        for (size_t q = 0; q < count; q++) {
-            double dx[3], r = verify_cloud_apart(&tree, k, list[q], dx);
+        double sum = 0.0, div = 0.0, push[3] = {0, 0, 0};
+        for (size_t q = 0; q < count; q++) { /* the point itself is among them */
+            size_t j = SPHPA_TREE_ENTRY_INDEX(list[q]);
+            double dx[3], r = verify_cloud_apart(&tree, k, j, dx);
             double dw = sphpa_kernel_dw(kernel, points->dim, r, h);
             sum += sphpa_kernel_w(kernel, points->dim, r, h);
+            if (j == k) continue;
             div -= r * dw;
             for (int a = 0; a < 3; a++) push[a] += dw * dx[a] / r;
         }
@@ -117,7 +120,7 @@ static void verify_cloud_sums(verify_cloud *points, sphpa_kernel kernel, double 
         verify_error_add(&e[1], h * volume * sqrt(push[0] * push[0] + push[1] * push[1] +
                                                   push[2] * push[2]));
         verify_error_add(&e[2], volume * div / points->dim - 1.0);
-        scratch += (double)count;
+        scratch += (double)count - 1.0;
     }
     *cpu_s = (double)(clock() - begun) / (double)CLOCKS_PER_SEC;
     *neighbours = scratch / (double)points->n;
