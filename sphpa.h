@@ -8608,10 +8608,14 @@ SPHPA_EXTERN_C_BEGIN_
 #ifdef SPHPA_FLOAT
 #define SPHPA_SQRT_(x) sqrtf(x)
 #define SPHPA_TINY_ 1e-37f
+#define SPHPA_SHORTEST_ 1e-16f /* [m] h, for its powers in pair sums */
+#define SPHPA_LONGEST_ 1e16f
 #define SPHPA_SUM_ROUNDING_ 5e-7 /* what a sum over neighbours cannot tell apart */
 #else
 #define SPHPA_SQRT_(x) sqrt(x)
 #define SPHPA_TINY_ 1e-300
+#define SPHPA_SHORTEST_ 1e-50
+#define SPHPA_LONGEST_ 1e50
 #define SPHPA_SUM_ROUNDING_ 1e-15
 #endif
 #define SPHPA_BLOCK_ 256 /* particles a block: the unit of parallel loops and of sums */
@@ -10210,6 +10214,13 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_check_points_(sphpa_sim *sim, sphpa_error 
             result = sphpa_error_set(err, SPHPA_ERROR_NEGATIVE,
                                      "particle %zu (id %lld): u = %g J/kg; start with u >= 0", i,
                                      (long long)sim->p.id[i], sim->p.u[i]);
+    for (size_t i = 0; i < sim->p.n && result == SPHPA_OK; i++)
+        if (!(sim->p.h[i] >= SPHPA_SHORTEST_ && sim->p.h[i] <= SPHPA_LONGEST_))
+            result = sphpa_error_set(err, SPHPA_ERROR_RANGE,
+                                     "particle %zu (id %lld): h = %g m; pair sums hold powers of it "
+                                     "from %g to %g m, in double from 1e-50 to 1e50 m", i,
+                                     (long long)sim->p.id[i], (double)sim->p.h[i],
+                                     (double)SPHPA_SHORTEST_, (double)SPHPA_LONGEST_);
     if (result == SPHPA_OK) result = sphpa_sim_build_tree_(sim, err);
     if (result != SPHPA_OK) return result;
     const sphpa_box *box = &sim->options.box;
