@@ -48,6 +48,7 @@
    SPHPA_ASSERT(x)                 cheap checks; default assert
    SPHPA_VALIDATE_ARRAYS           checks of whole arrays as well, for test builds
    SPHPA_USE_OMP_SIMD              use omp simd pragmas without OpenMP (with -fopenmp-simd)
+   SPHPA_NO_VECTORS                pair loops without GNU C's vectors, one particle at a time
 
    CONVENTIONS
    SI units. rho bulk density, u specific internal energy, h smoothing length (support 2h unless the

@@ -107,6 +107,13 @@ for pair in $compilers; do
         object "$compiler $language -O2 $threads, all" "$compiler" "$language" "-O2 $threads $everything"
     done
     object "$compiler $language -O2 -DSPHPA_FLOAT, all" "$compiler" "$language" "-O2 -DSPHPA_FLOAT $everything"
+    for vectors in -DSPHPA_NO_VECTORS -march=x86-64-v3; do # other lanes of the pair loops
+        echo 'int main(void) { return 0; }' > "$work/vectors.c"
+        "$compiler" "$vectors" -c "$work/vectors.c" -o "$work/vectors.o" 2> /dev/null || continue
+        for real in '' -DSPHPA_FLOAT; do
+            object "$compiler $language -O2 $vectors $real, all" "$compiler" "$language" "-O2 $vectors $real $everything"
+        done
+    done
     for section in $all; do # what somebody drops into another program: one section, static
         [ "$section" = "$outside" ] && [ -z "$has_hdf5" ] && continue
         alone "$compiler $language static, $section alone" "$compiler" "$language" "-O0 -DSPHPA_STATIC -DSPHPA_$(capitals "$section")_IMPLEMENTATION"
