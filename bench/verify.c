@@ -52,7 +52,7 @@ static const verify_problem problems[] = {
     {"rotation-3d", verify_rotation_3d, 3, 0, 210, 0, "a sphere turns ten times"},
     {"rings", verify_rings, 2, 0, 145, 20, "rubber rings bounce, and stay whole"},
     {"rod", verify_rod, 1, 0, 130, 15, "flaws tear a rod: size of fragments, strength over rate"},
-    {"basalt", verify_basalt, 3, 0, 260, 0, "the core that an impact leaves of a sphere"},
+    {"basalt", verify_basalt, 3, 0, 360, 0, "the core that an impact leaves of a sphere"},
     {"taylor", verify_taylor, 3, 0, 100, 0, "aluminium rods on a rigid wall: their length"},
 };
 

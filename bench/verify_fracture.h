@@ -300,7 +300,7 @@ typedef struct basalt_kind {
     double k, m;  /* flaws; 0: the library's */
     int balsara;
     uint64_t seed;
-    bool judged;
+    bool counted; /* in the mean over seeds */
 } basalt_kind;
 
 static inline void basalt_make_scene(basalt_scene *s, const basalt_kind *kind) {
@@ -355,7 +355,8 @@ static inline void basalt_fill(const basalt_scene *s, sphpa_particles *p, size_t
     solid_stop_if(sphpa_make_sphere(p, centre, small, &body, &err), &err);
 }
 
-static inline void basalt_rows(verify *v, const verify_row *run, bool judged) {
+/* the core's share of the target's mass */
+static inline double basalt_rows(verify *v, const verify_row *run) {
     const sphpa_fragment_options options = {0.0, 0.0, 0.0, 1, 0}; /* of the target; defaults */
     sphpa_fragments found;
     sphpa_error err;
@@ -367,9 +368,6 @@ static inline void basalt_rows(verify *v, const verify_row *run, bool judged) {
     row.l1_error = fabs(share - 0.31);
     row.linf_error = share; /* the share itself */
     row.dim = 0; /* chance of the flaws: no order */
-    /* the farther of the published codes, MPM with 24.6 %, is off by 0.064; chance of the flaws is
-       not in it: twice that */
-    if (judged) verify_limit(&row, "l1_error", "<=", 0.13);
     verify_add(v, row);
     row = verify_also(run, "basalt-core-speed");
     row.l1_error = fabs(sqrt(square) / 1.35 - 1.0);
@@ -377,12 +375,14 @@ static inline void basalt_rows(verify *v, const verify_row *run, bool judged) {
     row.dim = 0;
     verify_add(v, row);
     sphpa_fragment_free(&found);
+    return share;
 }
 
-static inline void basalt_run(verify *v, const basalt_kind *kind) {
+static inline double basalt_run(verify *v, const basalt_kind *kind, verify_row *run) {
     static basalt_scene s; /* too large for some stacks */
     sphpa_particles initial;
     verify_case task;
+    double share = (double)NAN;
     memset(&task, 0, sizeof task);
     basalt_make_scene(&s, kind);
     basalt_fill(&s, &initial, kind->count);
@@ -390,22 +390,42 @@ static inline void basalt_run(verify *v, const basalt_kind *kind) {
     task.initial = &initial;
     task.t_end = 1e-4; /* about eight crossings */
     task.threads = v->max_threads;
-    verify_row run = verify_row_of("basalt", kind->scheme, "cubic", 3);
-    if (verify_simulate(v, &task, &run)) basalt_rows(v, &run, kind->judged);
-    else verify_add(v, run);
+    *run = verify_row_of("basalt", kind->scheme, "cubic", 3);
+    if (verify_simulate(v, &task, run)) share = basalt_rows(v, run);
+    else verify_add(v, *run);
     sphpa_particles_free(&initial);
+    return share;
 }
 
-/* Without Balsara's switch, as published codes are. */
+/* Without Balsara's switch, as published codes are. Where the last crack runs is chance: it may
+   halve the core. So the mean over four seeds of the flaws is judged, and single runs are reported. */
 static inline void verify_basalt(verify *v) {
     static const basalt_kind kind[] = {
         {"solid+correction+plastic+cracks", 2500, 0, 0, 0, 1, false},
-        {"solid+correction+plastic+cracks", 7000, 0, 0, 0, 1, false},
-        {"solid+correction+plastic+cracks seed 2", 7000, 0, 0, 0, 2, false},
+        {"solid+correction+plastic+cracks", 7000, 0, 0, 0, 1, true},
+        {"solid+correction+plastic+cracks seed 2", 7000, 0, 0, 0, 2, true},
+        {"solid+correction+plastic+cracks seed 3", 7000, 0, 0, 0, 3, true},
+        {"solid+correction+plastic+cracks seed 4", 7000, 0, 0, 0, 4, true},
         {"solid+correction+plastic+cracks 1994", 7000, 5e34, 8.5, 0, 1, false},
         {"solid+correction+balsara+plastic+cracks", 7000, 0, 0, 1, 1, false},
-        {"solid+correction+plastic+cracks", 20000, 0, 0, 0, 1, true}};
-    for (size_t k = 0; k < sizeof kind / sizeof kind[0]; k++) basalt_run(v, &kind[k]);
+        {"solid+correction+plastic+cracks", 20000, 0, 0, 0, 1, false}};
+    double sum = 0.0, count = 0.0;
+    verify_row run, mean = verify_row_of("basalt-core-mean", "", "cubic", 3);
+    for (size_t k = 0; k < sizeof kind / sizeof kind[0]; k++) {
+        double share = basalt_run(v, &kind[k], &run);
+        if (!kind[k].counted) continue;
+        sum += share;
+        count += 1.0;
+        mean = verify_also(&run, "basalt-core-mean");
+    }
+    snprintf(mean.scheme, sizeof mean.scheme, "solid+correction+plastic+cracks");
+    mean.l1_error = fabs(sum / count - 0.31);
+    mean.linf_error = sum / count; /* the share itself */
+    mean.dim = 0;
+    /* the farther of the published codes, MPM with 24.6 %, is off by 0.064; chance of the flaws is
+       not in it: twice that */
+    verify_limit(&mean, "l1_error", "<=", 0.13);
+    verify_add(v, mean);
 }
 
 /* ==== the Taylor anvil (Wilkins & Guinan 1973, J. Appl. Phys. 44, 1200) ==========================

@@ -929,7 +929,7 @@ static inline void solid_draw(const verify *v) {
             "set multiplot layout 1,3 title 'rubber rings after they met, t = 200; colour: P/K'\n"
             "set size ratio -1\nset grid lc rgb '#dddddd'\nunset key\nunset colorbox\n"
             "stats 'rings.txt' using 1 nooutput\nall = STATS_blocks > 3\n"
-            "set xrange [-9:9]\nset yrange [-9:9]\nset cbrange [-0.1:0.1]\n"
+            "set xrange [-12:12]\nset yrange [-9:9]\nset cbrange [-0.1:0.1]\n"
             "set palette defined (-1 '#1f5fa8', 0 '#cccccc', 1 '#c44e00')\n"
             "set title 'without artificial stress'\n"
             "plot 'rings.txt' index 0 using 1:2:3 with points pt 7 ps 0.4 palette\n"
