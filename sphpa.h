@@ -6873,7 +6873,7 @@ SPHPA_EXTERN_C_BEGIN_
 #define SPHPA_TREE_ROUNDS_ 3    /* 3 sets of 21 bits an axis resolve more than a double holds */
 #define SPHPA_TREE_STACK_ 512   /* 7 siblings wait at each of 21 levels of 3 rounds: 441 + 8 */
 #define SPHPA_TREE_LANES_ 16    /* candidates tested at once; a fixed count vectorises at -O2 */
-#define SPHPA_TREE_SERIAL_ 4096 /* up to so many particles, starting threads costs more */
+#define SPHPA_TREE_SERIAL_ 16384 /* up to so many particles, starting threads costs more */
 #define SPHPA_TREE_BIG_ 1e150   /* [m] lengths up to this and down to its inverse square safely */
 #define SPHPA_TREE_ROUND_ 1e-14 /* boxes are pruned with this much room for fused multiply-adds */
 
@@ -8621,6 +8621,7 @@ SPHPA_EXTERN_C_BEGIN_
 #endif
 #define SPHPA_BLOCK_ 256 /* particles a block: the unit of parallel loops and of sums */
 #define SPHPA_FEW_ 4     /* so few blocks are done by one thread: starting more costs more */
+#define SPHPA_LIGHT_ 64  /* the same, where a particle takes a few nanoseconds */
 
 /* ---- lanes ----------------------------------------------------------------------------------- */
 
@@ -9194,7 +9195,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_bad_(const sphpa_sim *sim, size_t i, const
 SPHPA_PRIVATE_ size_t sphpa_sim_first_bad_(const sphpa_sim *sim) {
     struct sphpa_work *work = sim->work;
     long blocks = (long)sphpa_blocks_(sim->p.n);
-    SPHPA_OMP(parallel for schedule(static) if (blocks > SPHPA_FEW_))
+    SPHPA_OMP(parallel for schedule(static) if (blocks > SPHPA_LIGHT_))
     for (long block = 0; block < blocks; block++) {
         size_t i = (size_t)block * SPHPA_BLOCK_, end = sphpa_block_end_((size_t)block, sim->p.n);
         while (i < end && sphpa_particle_check_(&sim->p, i, NULL) == SPHPA_OK) i++;
@@ -9238,7 +9239,7 @@ SPHPA_PRIVATE_ bool sphpa_sim_lists_hold_(sphpa_sim *sim) {
     if (!work->lists_valid) return false;
     long blocks = (long)sphpa_blocks_(sim->p.n);
     double support = sphpa_kernel_support(sim->options.kernel);
-    SPHPA_OMP(parallel for schedule(static) if (blocks > SPHPA_FEW_))
+    SPHPA_OMP(parallel for schedule(static) if (blocks > SPHPA_LIGHT_))
     for (long block = 0; block < blocks; block++) {
         double most = 0.0;
         size_t end = sphpa_block_end_((size_t)block, sim->p.n);
@@ -9249,7 +9250,7 @@ SPHPA_PRIVATE_ bool sphpa_sim_lists_hold_(sphpa_sim *sim) {
     work->moved_max = 0.0;
     for (long block = 0; block < blocks; block++)
         work->moved_max = sphpa_max_(work->moved_max, work->block_sum[block]);
-    SPHPA_OMP(parallel for schedule(static) if (blocks > SPHPA_FEW_))
+    SPHPA_OMP(parallel for schedule(static) if (blocks > SPHPA_LIGHT_))
     for (long block = 0; block < blocks; block++) {
         bool hold = true;
         size_t end = sphpa_block_end_((size_t)block, sim->p.n);
@@ -9372,7 +9373,7 @@ SPHPA_PRIVATE_ void sphpa_sim_wrap_(sphpa_sim *sim) {
         if (!box->periodic[a]) continue;
         double low = box->low[a], high = box->high[a], length = high - low;
         long n = (long)sim->p.n;
-        SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_FEW_ * SPHPA_BLOCK_))
+        SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_LIGHT_ * SPHPA_BLOCK_))
         for (long i = 0; i < n; i++) {
             double *x = &sim->p.x[3 * i + a];
             if (*x >= low && *x <= high) continue;
@@ -9542,7 +9543,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_traverse_(sphpa_sim *sim, int first, int l
     sphpa_result result = sphpa_shared_pack_(sim, &shared, err);
     if (result != SPHPA_OK) return result;
     long n = (long)sim->p.n;
-    SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_FEW_ * SPHPA_BLOCK_))
+    SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_LIGHT_ * SPHPA_BLOCK_))
     for (long i = 0; i < n; i++) {
         sphpa_sim_position_(sim, (size_t)i, work->point + 4 * i);
         work->point[4 * i + 3] = (double)sim->p.h[i];
@@ -9715,7 +9716,7 @@ SPHPA_PRIVATE_ void sphpa_sim_stretch_(sphpa_sim *sim, double dt) {
     if (p->div_v == NULL || !sphpa_sim_has_stage_(sim, SPHPA_STAGE_DENSITY)) return;
     long n = (long)p->n;
     double each = dt / p->dim;
-    SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_FEW_ * SPHPA_BLOCK_))
+    SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_LIGHT_ * SPHPA_BLOCK_))
     for (long i = 0; i < n; i++) {
         double grow = sphpa_clamp_(each * (double)p->div_v[i], -0.2, 0.2);
         p->h[i] = (sphpa_real)((double)p->h[i] * (1.0 + grow));
@@ -9726,7 +9727,7 @@ SPHPA_PRIVATE_ void sphpa_sim_predict_(sphpa_sim *sim) {
     sphpa_particles *p = &sim->p;
     double half = 0.5 * sim->dt;
     long n = (long)p->n;
-    SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_FEW_ * SPHPA_BLOCK_))
+    SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_LIGHT_ * SPHPA_BLOCK_))
     for (long i = 0; i < n; i++) {
         for (long k = 3 * i; k < 3 * i + 3; k++) {
             p->x[k] += half * (double)p->start.v[k];
@@ -9770,7 +9771,7 @@ SPHPA_PRIVATE_ size_t sphpa_sim_finish_(sphpa_sim *sim) {
     struct sphpa_work *work = sim->work;
     size_t n = sim->p.n;
     long blocks = (long)sphpa_blocks_(n);
-    SPHPA_OMP(parallel for schedule(static) if (blocks > SPHPA_FEW_))
+    SPHPA_OMP(parallel for schedule(static) if (blocks > SPHPA_LIGHT_))
     for (long block = 0; block < blocks; block++) {
         size_t end = sphpa_block_end_((size_t)block, n);
         size_t bad = sphpa_sim_finish_block_(sim, (size_t)block * SPHPA_BLOCK_, end,
@@ -9844,7 +9845,7 @@ SPHPA_PRIVATE_ void sphpa_sim_flow_(sphpa_sim *sim) {
     struct sphpa_work *work = sim->work;
     const int *wraps = sim->options.box.periodic;
     long blocks = (long)sphpa_blocks_(sim->p.n);
-    SPHPA_OMP(parallel for schedule(static) if (blocks > SPHPA_FEW_))
+    SPHPA_OMP(parallel for schedule(static) if (blocks > SPHPA_LIGHT_))
     for (long block = 0; block < blocks; block++)
         sphpa_sim_flow_of_block_(&sim->p, (size_t)block * SPHPA_BLOCK_,
                                  sphpa_block_end_((size_t)block, sim->p.n),
@@ -9867,7 +9868,7 @@ SPHPA_PRIVATE_ double sphpa_sim_least_(sphpa_sim *sim, const sphpa_pass *pass, c
                                        size_t *who) {
     struct sphpa_work *work = sim->work;
     long blocks = (long)sphpa_blocks_(sim->p.n);
-    SPHPA_OMP(parallel for schedule(static) if (blocks > SPHPA_FEW_))
+    SPHPA_OMP(parallel for schedule(static) if (blocks > SPHPA_LIGHT_))
     for (long block = 0; block < blocks; block++) {
         double least = HUGE_VAL;
         size_t end = sphpa_block_end_((size_t)block, sim->p.n), at = end - 1;
