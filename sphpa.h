@@ -9525,7 +9525,9 @@ SPHPA_PRIVATE_ void sphpa_shared_chunk_(sphpa_sim *sim, const sphpa_shared_ *sha
     if (end > sim->p.n) end = sim->p.n;
     unsigned before = sphpa_denormals_off_();
     for (size_t i = chunk * SPHPA_TREE_CHUNK; i < end; i += SPHPA_LANES_) {
-        sphpa_group_at_(sim, i, sim->work->point + 4 * i, centre, &group);
+        double x[3];
+        sphpa_sim_position_(sim, i, x);
+        sphpa_group_at_(sim, i, x, centre, &group);
         sphpa_shared_group_(sim, shared, &group, buffer);
     }
     sphpa_denormals_back_(before);
@@ -9544,7 +9546,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_traverse_(sphpa_sim *sim, int first, int l
     if (result != SPHPA_OK) return result;
     long n = (long)sim->p.n;
     SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_LIGHT_ * SPHPA_BLOCK_))
-    for (long i = 0; i < n; i++) {
+    for (long i = 0; i < (shared.one_by_one ? n : 0); i++) { /* groups have it in their records */
         sphpa_sim_position_(sim, (size_t)i, work->point + 4 * i);
         work->point[4 * i + 3] = (double)sim->p.h[i];
     }
