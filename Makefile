@@ -38,8 +38,8 @@ INNER_MAKE = $(MAKE) --no-print-directory INNER=1 $(SIDE_BY_SIDE)
 .DELETE_ON_ERROR:
 .SUFFIXES:
 .PHONY: help deps deps-check check test impact impact-full sensitivity movie examples bench-eos \
-        stress-eos path-eos replay-eos tolerance-impact bench-sph stress-sph verify clean FORCE tests-build \
-        tests-run examples-build
+        stress-eos path-eos replay-eos tolerance-impact bench-sph leave-out stress-sph verify clean FORCE \
+        tests-build tests-run examples-build leave-out-run
 
 help: ## list these targets (the default)
 	@echo 'make TARGET [VARIABLE=value ..]'
@@ -121,6 +121,9 @@ bench-sph: ## particles a second and core, gas to porous solid: build/bench/sph.
 	@+$(INNER_MAKE) $(BUILD)/bench/bench_sph_double $(BUILD)/bench/bench_sph_float
 	$(BUILD)/bench/bench_sph_double --out $(BUILD)/bench $(ARGS)
 	$(BUILD)/bench/bench_sph_float --out $(BUILD)/bench --append $(ARGS)
+
+leave-out: ## what each kind of scene pays for: bytes, time, program, compile time (four minutes)
+	@+$(INNER_MAKE) leave-out-run
 
 # likewise: the first leaves its rows, the second prints one table and has the last word
 STRESS = $(BUILD)/bench/stress_sph
@@ -261,6 +264,9 @@ $(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h) exam
 
 $(BUILD)/tests/test_%: tests/test_%.c sphpa.h $(BUILD)/flags.mk $(wildcard tests/*.h)
 	$(COMPILE) $(TEST_WARNINGS) -Itests $(hdf5_cflags) $(CMOCKA_CFLAGS) $< -o $@ $(LINK_FLAGS) $(hdf5_libs) $(CMOCKA_LIBS) $(LIBS)
+
+leave-out-run:
+	OUT=$(BUILD)/bench COMPILE='$(BENCH_COMPILE) $(WARNINGS)' LINK='$(LINK_FLAGS) $(LIBS)' sh bench/leave_out.sh $(ARGS)
 
 $(STATES): | $(IMPACT)
 	@echo 'an impact, for the states that its particles go through'

@@ -11160,14 +11160,13 @@ SPHPA_PRIVATE_ bool sphpa_solid_mixed_(const sphpa_group *near, size_t stride) {
     const char *records = near->records;
     const sphpa_solid_point_ *first =
         (const sphpa_solid_point_ *)(const void *)(records + near->first * stride);
-    sphpa_real differs = SPHPA_R(0.0);
+    sphpa_real body = first->body, broken = first->broken;
     for (size_t k = 0; k < near->entries; k++) { /* the group itself is in the list */
         size_t at = SPHPA_TREE_ENTRY_INDEX(near->list[k]) * stride;
         const sphpa_solid_point_ *j = (const sphpa_solid_point_ *)(const void *)(records + at);
-        sphpa_real body = j->body - first->body, broken = j->broken - first->broken;
-        differs += body * body + broken * broken;
+        if (j->body != body || j->broken != broken) return true;
     }
-    return differs > SPHPA_R(0.0);
+    return false;
 }
 
 /* (dW/dr)/r of both, the mean */

@@ -25,6 +25,16 @@ static inline double bench_median(double *samples, int count, double *spread_pct
     return median;
 }
 
+static inline double bench_user_time(void) { /* [s] of all threads */
+#if EXAMPLE_POSIX
+    struct rusage usage;
+    getrusage(RUSAGE_SELF, &usage);
+    return (double)usage.ru_utime.tv_sec + 1e-6 * (double)usage.ru_utime.tv_usec;
+#else
+    return (double)clock() / CLOCKS_PER_SEC;
+#endif
+}
+
 /* [s] of a fixed piece of arithmetic: where this varies, the machine is busy with other things */
 static inline double bench_fixed_work(void) {
     volatile double start = 1.0;

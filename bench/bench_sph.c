@@ -62,16 +62,6 @@ typedef struct bench_row {
     uint64_t steps, rebuilds;
 } bench_row;
 
-static double bench_user_time(void) { /* [s] of all threads */
-#if EXAMPLE_POSIX
-    struct rusage usage;
-    getrusage(RUSAGE_SELF, &usage);
-    return (double)usage.ru_utime.tv_sec + 1e-6 * (double)usage.ru_utime.tv_usec;
-#else
-    return (double)clock() / CLOCKS_PER_SEC;
-#endif
-}
-
 static void bench_threads(int threads) {
 #ifdef _OPENMP
     omp_set_num_threads(threads);
@@ -139,20 +129,6 @@ static void bench_rounds(const bench_settings *s, bench_row *rows, int count) {
 static const char *const bench_columns =
     "scene,real,n,threads,neighbours,updates_per_s,updates_per_s_core_user,bytes_per_particle,"
     "ns_per_neighbour,rebuilds_per_step,scratch_bytes_per_particle,energy_drift,spread_pct";
-
-/* [bytes] a particle of what is no field: tree, lists, records */
-static double bench_scratch(const sphpa_sim *sim) {
-    char text[8192], *at = text;
-    double sum = 0.0;
-    sphpa_sim_report(sim, text, sizeof text);
-    while ((at = strstr(at, " (scratch)")) != NULL) {
-        char *number = at;
-        while (number > text && number[-1] != ' ') number--;
-        sum += strtod(number, NULL);
-        at++;
-    }
-    return sum;
-}
 
 static void bench_write_row(FILE *file, const bench_row *row) {
     const sphpa_sim *sim = &row->scene->sim;
