@@ -1537,6 +1537,8 @@ typedef struct sphpa_group {
     size_t first, count;   /* the particles first .. first + count - 1, the only ones to write */
     const uint32_t *list;  /* (entries) of >>tree: all that is near one of them, themselves too */
     size_t entries;
+    const uint32_t *far;   /* (far_entries) the same with the skin: for a pass that changes h */
+    size_t far_entries;
     const double (*centre)[3]; /* [m] by image: x_j - centre[image] is relative to the group */
     const char *records;   /* what pack() wrote; j's is at records + j * record_bytes */
 } sphpa_group;
@@ -1555,7 +1557,7 @@ typedef struct sphpa_pass {
     sphpa_mask advances;      /* these also have a copy of the start of the step in p->start, as v
                                  and u always do */
     int at_commit; /* GRADIENTS to DAMAGE, not 0: runs again at the step's end, dt_stage = dt */
-    int unfiltered; /* PAIR, not 0: gets every listed particle, also beyond the supports */
+    int unfiltered; /* with pair, not 0: gets every listed particle, also beyond the supports */
     size_t record_bytes;      /* of one packed record; 0: the pass reads the fields themselves */
     /* fills records[i], i in [first, last), before the pairs are visited */
     void (*pack)(const struct sphpa_sim *sim, const void *params, size_t first, size_t last,
@@ -1621,7 +1623,8 @@ typedef struct sphpa_sim_options {
     double dt_min;    /* [s] a shorter step is an error; 0 means 1e-6 of the first step */
     double dt_growth; /* [1] a step to the one before, at most; 0 means 1.25 */
     double dt_fixed;  /* [s] every step has this length, limits and floor ignored; 0 means no */
-    double skin;      /* [1] neighbours listed beyond the support, as a share of it; 0 means 0.1 */
+    double skin;      /* [1] neighbours listed beyond the support, as a share of it; 0 means 0.2;
+                         where a support fills half a periodic box, less */
     sphpa_box box;    /* axes that are periodic; zeroed means open */
     sphpa_kernel kernel;
     sphpa_integrator integrator;
@@ -8621,6 +8624,7 @@ SPHPA_EXTERN_C_BEGIN_
 #endif
 #define SPHPA_BLOCK_ 256 /* particles a block: the unit of parallel loops and of sums */
 #define SPHPA_FEW_ 4     /* so few blocks are done by one thread: starting more costs more */
+#define SPHPA_SLACK_ 1.005 /* h may grow so far before lists without skin are made again */
 #define SPHPA_LIGHT_ 64  /* the same, where a particle takes a few nanoseconds */
 
 /* ---- lanes ----------------------------------------------------------------------------------- */
@@ -8665,6 +8669,7 @@ typedef sphpa_lane_bits_ sphpa_mask_ __attribute__((vector_size(SPHPA_VECTOR_BYT
 #define SPHPA_LANES_IF_(mask, a) ((sphpa_lanes_)((sphpa_mask_)(mask) & (sphpa_mask_)(a)))
 #else
 typedef sphpa_real sphpa_lanes_;
+typedef int sphpa_lane_bits_;
 typedef int sphpa_mask_;
 #define SPHPA_LANES_ ((size_t)1)
 #define SPHPA_LANE_(v, l) (*((void)(l), &(v)))
@@ -8687,6 +8692,23 @@ SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_pick_(sphpa_mask_ mask, sphpa_lanes
     return (sphpa_lanes_)((mask & (sphpa_mask_)a) | (~mask & (sphpa_mask_)b));
 #else
     return mask ? a : b;
+#endif
+}
+
+/* whether the mask is set in any lane */
+SPHPA_FORCE_INLINE_ bool sphpa_lanes_any_(sphpa_mask_ mask) {
+#if SPHPA_VECTOR_BYTES_ == 32 && defined(SPHPA_FLOAT)
+    return __builtin_ia32_movmskps256((sphpa_lanes_)mask) != 0;
+#elif SPHPA_VECTOR_BYTES_ == 32
+    return __builtin_ia32_movmskpd256((sphpa_lanes_)mask) != 0;
+#elif SPHPA_VECTOR_BYTES_ == 16 && defined(__SSE2__) && defined(SPHPA_FLOAT)
+    return __builtin_ia32_movmskps((sphpa_lanes_)mask) != 0;
+#elif SPHPA_VECTOR_BYTES_ == 16 && defined(__SSE2__)
+    return __builtin_ia32_movmskpd((sphpa_lanes_)mask) != 0;
+#else
+    sphpa_lane_bits_ any = 0;
+    for (size_t l = 0; l < SPHPA_LANES_; l++) any |= SPHPA_LANE_(mask, l);
+    return any != 0;
 #endif
 }
 
@@ -8909,12 +8931,23 @@ typedef struct sphpa_pair_buffer_ {
     char apart[64];          /* keeps two threads' buffers on different cache lines */
 } sphpa_pair_buffer_;
 
+/* The lists without their skin, as they are made by one traversal for all that follow until
+   positions change or an h outgrows them. */
+typedef struct sphpa_narrow_ {
+    bool hold;             /* made for these positions */
+    uint32_t *list;        /* (capacity) chunk after chunk, each with room for its whole lists */
+    uint32_t *first, *count; /* (groups) where a list begins in its chunk's; its length */
+    size_t *chunk;         /* (chunks) where a chunk's lists begin */
+    size_t capacity, first_capacity, count_capacity, chunk_capacity;
+} sphpa_narrow_;
+
 struct sphpa_work {
     double flow_x[3], flow_v[3], flow_H; /* [m] [m/s] [1/s] see sphpa_sim_flow_ */
     int threads;
     sphpa_pair_buffer_ *buffer; /* (threads) */
     size_t longest;             /* most neighbours in a list */
-    double *point;              /* (n,4) x y z h, as this traversal found them */
+    double *point;              /* (n,4) x y z h, as the traversal found them that laid them out */
+    sphpa_narrow_ narrow;
     double shift[SPHPA_TREE_IMAGES][3]; /* [m] of the images */
     double *support;            /* (n) for the tree */
     double moved_max;           /* [m] farthest that a particle moved since the lists were built */
@@ -9150,6 +9183,28 @@ SPHPA_PRIVATE_ bool sphpa_work_reserve_(struct sphpa_work *work, size_t n) {
     return sphpa_work_buffers_(work, work->longest); /* also of threads that are new */
 }
 
+/* room for the lists without their skin */
+SPHPA_PRIVATE_ bool sphpa_narrow_reserve_(sphpa_narrow_ *narrow, const sphpa_tree_lists *lists) {
+    narrow->hold = false;
+    if (lists->entries > narrow->capacity) { /* what it holds need not be kept */
+        SPHPA_FREE(narrow->list);
+        narrow->list = NULL;
+        narrow->capacity = 0;
+    }
+    if (!sphpa_grow_((void **)&narrow->list, &narrow->capacity, lists->entries, sizeof(uint32_t)) ||
+        !sphpa_grow_((void **)&narrow->first, &narrow->first_capacity, lists->groups,
+                     sizeof(uint32_t)) ||
+        !sphpa_grow_((void **)&narrow->count, &narrow->count_capacity, lists->groups,
+                     sizeof(uint32_t)) ||
+        !sphpa_grow_((void **)&narrow->chunk, &narrow->chunk_capacity, lists->chunk_count,
+                     sizeof(size_t)))
+        return false;
+    size_t at = 0;
+    for (size_t c = 0; c < lists->chunk_count; at += lists->chunks[c++].used)
+        narrow->chunk[c] = at;
+    return true;
+}
+
 SPHPA_PRIVATE_ void sphpa_work_free_(struct sphpa_work *work) {
     if (work == NULL) return;
     for (int t = 0; t < work->threads; t++) {
@@ -9157,6 +9212,10 @@ SPHPA_PRIVATE_ void sphpa_work_free_(struct sphpa_work *work) {
         SPHPA_FREE(work->buffer[t].j);
     }
     SPHPA_FREE(work->buffer);
+    SPHPA_FREE(work->narrow.list);
+    SPHPA_FREE(work->narrow.first);
+    SPHPA_FREE(work->narrow.count);
+    SPHPA_FREE(work->narrow.chunk);
     SPHPA_FREE(work->point);
     SPHPA_FREE(work->support);
     SPHPA_FREE(work->records);
@@ -9270,8 +9329,8 @@ SPHPA_PRIVATE_ void sphpa_group_at_(const sphpa_sim *sim, size_t first, const do
     size_t left = sim->lists.n - first;
     group->first = first;
     group->count = left < SPHPA_LANES_ ? left : SPHPA_LANES_;
-    group->list = sphpa_tree_list_of_(&sim->lists, first / SPHPA_LANES_, &count);
-    group->entries = count;
+    group->list = group->far = sphpa_tree_list_of_(&sim->lists, first / SPHPA_LANES_, &count);
+    group->entries = group->far_entries = count;
     group->centre = (const double (*)[3])centre;
     uint32_t images = SPHPA_TREE_ENTRY_IMAGE(group->list[count - 1]); /* they come in order */
     for (uint32_t image = 0; image <= images; image++)
@@ -9330,6 +9389,17 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_build_tree_(sphpa_sim *sim, sphpa_error *e
     return result;
 }
 
+/* [1] the skin that is asked for, or what a periodic box has room for */
+SPHPA_PRIVATE_ double sphpa_sim_skin_(const sphpa_sim *sim) {
+    const sphpa_box *box = &sim->tree.box;
+    double skin = sim->options.skin;
+    for (int a = 0; a < sim->p.dim; a++) {
+        double half = 0.5 * (box->high[a] - box->low[a]) * (1.0 - 1e-12);
+        if (box->periodic[a]) skin = sphpa_min_(skin, half / sim->tree.nodes[0].support - 1.0);
+    }
+    return sphpa_max_(skin, 0.0);
+}
+
 /* tree, particles in its order, and lists */
 SPHPA_PRIVATE_ sphpa_result sphpa_sim_rebuild_(sphpa_sim *sim, sphpa_error *err) {
     sphpa_result result = sphpa_sim_build_tree_(sim, err);
@@ -9341,20 +9411,22 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_rebuild_(sphpa_sim *sim, sphpa_error *err)
     if (result != SPHPA_OK) return result;
     sphpa_sim_time_(sim, SPHPA_TIME_TREE_SORT, start);
     start = sphpa_wall_clock();
-    result = sphpa_tree_lists_build(&sim->tree, sim->options.skin, SPHPA_LANES_, &sim->lists, err);
+    result = sphpa_tree_lists_build(&sim->tree, sphpa_sim_skin_(sim), SPHPA_LANES_, &sim->lists,
+                                    err);
     if (result == SPHPA_ERROR_RANGE && sim->p.n <= (size_t)1 << SPHPA_TREE_ENTRY_BITS) {
         size_t who = 0;
         for (size_t i = 0; i < sim->p.n; i++)
             if (sim->p.h[i] > sim->p.h[who]) who = i;
-        return sphpa_sim_bad_(sim, who, "the support of this particle and the skin reach over half "
-                              "the periodic box (bound h by h_max, or take more particles or a "
+        return sphpa_sim_bad_(sim, who, "the support of this particle reaches over half the "
+                              "periodic box (bound h by h_max, or take more particles or a "
                               "longer box)", SPHPA_ERROR_STATE, err);
     }
     if (result != SPHPA_OK) return result;
     size_t longest = 0;
     for (size_t g = 0; g < sim->lists.groups; g++)
         if (sim->lists.count[g] > longest) longest = sim->lists.count[g];
-    if (!sphpa_work_buffers_(sim->work, longest))
+    if (!sphpa_work_buffers_(sim->work, longest) ||
+        !sphpa_narrow_reserve_(&sim->work->narrow, &sim->lists))
         return sphpa_error_set(err, SPHPA_ERROR_MEMORY, "no memory for %zu neighbours", longest);
     for (uint32_t image = 0; image < SPHPA_TREE_IMAGES; image++)
         sphpa_tree_image_shift(&sim->tree.box, image, sim->work->shift[image]);
@@ -9394,6 +9466,7 @@ SPHPA_PRIVATE_ bool sphpa_sim_inside_(const sphpa_sim *sim, size_t i) {
 SPHPA_PRIVATE_ sphpa_result sphpa_sim_neighbours_(sphpa_sim *sim, sphpa_error *err) {
     double since = sphpa_wall_clock();
     bool hold = sphpa_sim_lists_hold_(sim);
+    sim->work->narrow.hold = false; /* particles have moved */
     sim->stats.timing[SPHPA_TIME_LISTS].seconds += sphpa_wall_clock() - since;
     if (hold) return SPHPA_OK;
     sphpa_result result = sphpa_sim_rebuild_(sim, err);
@@ -9427,11 +9500,12 @@ SPHPA_PRIVATE_ void sphpa_filter_(const sphpa_sim *sim, const sphpa_group *group
     double *dx = buffer->numbers, *dy = dx + buffer->capacity, *dz = dy + buffer->capacity;
     double *r = dz + buffer->capacity, *h = r + buffer->capacity;
     double reach = sphpa_kernel_support(sim->options.kernel);
-    size_t n = 0;
-    for (size_t k = 0; k < group->entries; k++) {
-        uint32_t j = SPHPA_TREE_ENTRY_INDEX(group->list[k]);
+    const uint32_t *list = all ? group->far : group->list;
+    size_t n = 0, entries = all ? group->far_entries : group->entries;
+    for (size_t k = 0; k < entries; k++) {
+        uint32_t j = SPHPA_TREE_ENTRY_INDEX(list[k]);
         const double *other = point + 4 * (size_t)j;
-        const double *shift = sim->work->shift[SPHPA_TREE_ENTRY_IMAGE(group->list[k])];
+        const double *shift = sim->work->shift[SPHPA_TREE_ENTRY_IMAGE(list[k])];
         dx[n] = own[0] - other[0] - shift[0];
         dy[n] = own[1] - other[1] - shift[1];
         dz[n] = own[2] - other[2] - shift[2];
@@ -9492,6 +9566,84 @@ SPHPA_PRIVATE_ sphpa_result sphpa_shared_pack_(sphpa_sim *sim, sphpa_shared_ *sh
     return SPHPA_OK;
 }
 
+/* [m] the largest support of particle i that the lists without their skin allow for */
+SPHPA_FORCE_INLINE_ double sphpa_narrow_reach_(const sphpa_sim *sim, size_t i) {
+    return SPHPA_SLACK_ * sphpa_kernel_support(sim->options.kernel) * sim->work->point[4 * i + 3];
+}
+
+/* What is within the larger support of a pair, SPHPA_SLACK_ allowed, for one of the group at least.
+   Entries that are left out add nothing to any sum; one that is NaN is kept, to be noticed. */
+SPHPA_PRIVATE_ uint32_t sphpa_narrow_group_(const sphpa_sim *sim, const sphpa_group *group,
+                                            uint32_t *list) {
+    sphpa_lanes_ x[3], d[3], own = sphpa_lanes_of_(SPHPA_R(0.0));
+    sphpa_group points = *group;
+    const double *point = sim->work->point;
+    double reach = SPHPA_SLACK_ * sphpa_kernel_support(sim->options.kernel);
+    uint32_t n = 0;
+    points.records = (const char *)point;
+    sphpa_lanes_own_x_(&points, 4 * sizeof *point, x);
+    for (size_t l = 0; l < SPHPA_LANES_; l++)
+        SPHPA_LANE_(own, l) =
+            (sphpa_real)(reach * point[4 * sphpa_lanes_particle_(group, l) + 3]);
+    for (size_t k = 0; k < group->far_entries; k++) {
+        uint32_t entry = group->far[k];
+        const double *j = point + 4 * (size_t)SPHPA_TREE_ENTRY_INDEX(entry);
+        sphpa_lanes_ r2 = sphpa_lanes_apart_(group, entry, j, x, d);
+        sphpa_lanes_ s = sphpa_lanes_max_(own, sphpa_lanes_of_((sphpa_real)(reach * j[3])));
+        list[n] = entry;
+        n += sphpa_lanes_any_((sphpa_mask_)(r2 <= s * s) | (sphpa_mask_)(r2 != r2)) ? 1u : 0u;
+    }
+    return n;
+}
+
+/* the lists without their skin, of this group; made here where this traversal makes them */
+SPHPA_PRIVATE_ void sphpa_narrow_at_(const sphpa_sim *sim, size_t chunk, size_t *used,
+                                     sphpa_group *group) {
+    sphpa_narrow_ *narrow = &sim->work->narrow;
+    size_t g = group->first / SPHPA_LANES_;
+    uint32_t *list = narrow->list + narrow->chunk[chunk];
+    if (!narrow->hold) {
+        narrow->first[g] = (uint32_t)*used;
+        narrow->count[g] = sphpa_narrow_group_(sim, group, list + *used);
+        *used += narrow->count[g];
+    }
+    group->list = list + narrow->first[g];
+    group->entries = narrow->count[g];
+}
+
+/* Whether points and lists without skin are those of these positions and supports. same: h must not
+   have changed at all. */
+SPHPA_PRIVATE_ bool sphpa_narrow_holds_(sphpa_sim *sim, bool same) {
+    struct sphpa_work *work = sim->work;
+    if (!work->narrow.hold) return false;
+    long blocks = (long)sphpa_blocks_(sim->p.n);
+    double most = same ? 1.0 : SPHPA_SLACK_;
+    SPHPA_OMP(parallel for schedule(static) if (blocks > SPHPA_LIGHT_))
+    for (long block = 0; block < blocks; block++) {
+        bool hold = true;
+        size_t end = sphpa_block_end_((size_t)block, sim->p.n);
+        for (size_t i = (size_t)block * SPHPA_BLOCK_; i < end; i++) {
+            double h = (double)sim->p.h[i], was = work->point[4 * i + 3];
+            hold = hold && h <= most * was && (!same || h >= was);
+        }
+        work->block_result[block] = hold ? 1 : 0;
+    }
+    for (long block = 0; block < blocks; block++)
+        if (!work->block_result[block]) return false;
+    return true;
+}
+
+SPHPA_PRIVATE_ void sphpa_narrow_begin_(sphpa_sim *sim, bool same) {
+    struct sphpa_work *work = sim->work;
+    long n = (long)sim->p.n;
+    work->narrow.hold = sphpa_narrow_holds_(sim, same);
+    SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_LIGHT_ * SPHPA_BLOCK_))
+    for (long i = 0; i < (work->narrow.hold ? 0 : n); i++) {
+        sphpa_sim_position_(sim, (size_t)i, work->point + 4 * i);
+        work->point[4 * i + 3] = (double)sim->p.h[i];
+    }
+}
+
 /* one group of particles: every pass that takes them together, then those that take one by one */
 SPHPA_PRIVATE_ void sphpa_shared_group_(sphpa_sim *sim, const sphpa_shared_ *shared,
                                         sphpa_group *group, sphpa_pair_buffer_ *buffer) {
@@ -9521,13 +9673,12 @@ SPHPA_PRIVATE_ void sphpa_shared_chunk_(sphpa_sim *sim, const sphpa_shared_ *sha
     sphpa_pair_buffer_ *buffer = &sim->work->buffer[sphpa_thread_()];
     double centre[SPHPA_TREE_IMAGES][3];
     sphpa_group group;
-    size_t end = (chunk + 1) * SPHPA_TREE_CHUNK;
+    size_t end = (chunk + 1) * SPHPA_TREE_CHUNK, used = 0;
     if (end > sim->p.n) end = sim->p.n;
     unsigned before = sphpa_denormals_off_();
     for (size_t i = chunk * SPHPA_TREE_CHUNK; i < end; i += SPHPA_LANES_) {
-        double x[3];
-        sphpa_sim_position_(sim, i, x);
-        sphpa_group_at_(sim, i, x, centre, &group);
+        sphpa_group_at_(sim, i, sim->work->point + 4 * i, centre, &group);
+        sphpa_narrow_at_(sim, chunk, &used, &group);
         sphpa_shared_group_(sim, shared, &group, buffer);
     }
     sphpa_denormals_back_(before);
@@ -9544,16 +9695,14 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_traverse_(sphpa_sim *sim, int first, int l
         shared.one_by_one = shared.one_by_one || sim->pass[k]->pair != NULL;
     sphpa_result result = sphpa_shared_pack_(sim, &shared, err);
     if (result != SPHPA_OK) return result;
-    long n = (long)sim->p.n;
-    SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_LIGHT_ * SPHPA_BLOCK_))
-    for (long i = 0; i < (shared.one_by_one ? n : 0); i++) { /* groups have it in their records */
-        sphpa_sim_position_(sim, (size_t)i, work->point + 4 * i);
-        work->point[4 * i + 3] = (double)sim->p.h[i];
-    }
+    sphpa_narrow_begin_(sim, shared.one_by_one);
     for (int t = 0; t < work->threads; t++) work->buffer[t].pairs = work->buffer[t].targets = 0;
     long chunks = (long)((sim->p.n + SPHPA_TREE_CHUNK - 1) / SPHPA_TREE_CHUNK);
     SPHPA_OMP(parallel for schedule(dynamic, 1) if (chunks > 2))
     for (long chunk = 0; chunk < chunks; chunk++) sphpa_shared_chunk_(sim, &shared, (size_t)chunk);
+    work->narrow.hold = true;
+    for (int k = first; k < last; k++) /* it moved them */
+        if (sim->pass[k]->writes & SPHPA_F(x)) work->narrow.hold = false;
     uint64_t pairs = 0, targets = 0;
     for (int t = 0; t < work->threads; t++)
         pairs += work->buffer[t].pairs, targets += work->buffer[t].targets;
@@ -10161,7 +10310,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_defaults_(sphpa_sim_options *options, sphp
     if (options->cfl == 0.0) options->cfl = 0.3;
     if (options->force_cfl == 0.0) options->force_cfl = 0.2;
     if (options->dt_growth == 0.0) options->dt_growth = 1.25;
-    if (options->skin == 0.0) options->skin = 0.1;
+    if (options->skin == 0.0) options->skin = 0.2;
     return SPHPA_OK;
 }
 
@@ -10230,12 +10379,12 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_check_points_(sphpa_sim *sim, sphpa_error 
     const sphpa_box *box = &sim->options.box;
     for (size_t k = 0; k < sim->p.n; k++)
         for (int a = 0; a < sim->p.dim; a++)
-            if (box->periodic[a] && (1.0 + sim->options.skin) * sim->work->support[k] >
-                                        0.5 * (box->high[a] - box->low[a]))
+            if (box->periodic[a] &&
+                sim->work->support[k] > 0.5 * (box->high[a] - box->low[a]))
                 return sphpa_error_set(err, SPHPA_ERROR_RANGE,
-                                       "particle %zu: its support of %g m and the skin reach over "
-                                       "half the periodic box (axis %d, %g m); more particles or a "
-                                       "longer box", k, sim->work->support[k], a,
+                                       "particle %zu: its support of %g m reaches over half the "
+                                       "periodic box (axis %d, %g m); more particles or a longer "
+                                       "box", k, sim->work->support[k], a,
                                        box->high[a] - box->low[a]);
     size_t i = 0, j = 0;
     if (sphpa_tree_coincident(&sim->tree, &i, &j) == SPHPA_OK) return SPHPA_OK;
@@ -10604,7 +10753,7 @@ SPHPA_NO_INLINE_ void sphpa_gas_sums_any_(const sphpa_group *near, int shape,
 /* One lane's search for the root of (1). */
 typedef struct sphpa_gas_root_ {
     double m, h, low, high; /* bounds of h that close in */
-    double reach;           /* up to here its list is complete */
+    double near, reach;     /* up to here its list is complete, without its skin and with it */
     double rho, drho_dh;
     bool done;
 } sphpa_gas_root_;
@@ -10649,6 +10798,7 @@ SPHPA_PRIVATE_ void sphpa_gas_root_begin_(const sphpa_sim *sim, const sphpa_gas_
     root->h = gas->h_max > 0.0 ? sphpa_min_(h, gas->h_max) : h;
     root->low = root->rho = root->drho_dh = 0.0;
     root->high = HUGE_VAL;
+    root->near = sphpa_narrow_reach_(sim, i) / sphpa_kernel_support(sim->options.kernel);
     root->reach = sphpa_sim_reach_(sim, i) / sphpa_kernel_support(sim->options.kernel);
     root->done = false;
 }
@@ -10666,6 +10816,9 @@ SPHPA_PRIVATE_ void sphpa_gas_root_end_(sphpa_sim *sim, const sphpa_gas_params *
 SPHPA_PRIVATE_ void sphpa_gas_density_(sphpa_sim *sim, void *params, const sphpa_group *near) {
     const sphpa_gas_params *gas = (const sphpa_gas_params *)params;
     sphpa_shape_ shape = sphpa_shape_of_(sim);
+    sphpa_group all = *near;
+    all.list = near->far;
+    all.entries = near->far_entries;
     sphpa_gas_root_ root[SPHPA_LANES_];
     sphpa_lanes_ x[3], sum, slope, per_h = sphpa_lanes_of_(SPHPA_R(0.0));
     sphpa_lanes_own_x_(near, sizeof(sphpa_gas_point_), x);
@@ -10673,9 +10826,12 @@ SPHPA_PRIVATE_ void sphpa_gas_density_(sphpa_sim *sim, void *params, const sphpa
         sphpa_gas_root_begin_(sim, gas, sphpa_lanes_particle_(near, l), &root[l]);
     bool done = false;
     for (int step = 0; step < 200 && !done; step++) {
-        for (size_t l = 0; l < SPHPA_LANES_; l++)
+        bool beyond = false; /* of what the list holds without its skin */
+        for (size_t l = 0; l < SPHPA_LANES_; l++) {
             SPHPA_LANE_(per_h, l) = (sphpa_real)(1.0 / root[l].h);
-        sphpa_gas_sums_any_(near, shape.shape, x, &per_h, &sum, &slope);
+            beyond = beyond || root[l].h > root[l].near;
+        }
+        sphpa_gas_sums_any_(beyond ? &all : near, shape.shape, x, &per_h, &sum, &slope);
         done = true;
         for (size_t l = 0; l < sphpa_lanes_used_(near); l++) {
             if (root[l].done) continue;

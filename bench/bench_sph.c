@@ -33,16 +33,16 @@ typedef struct bench_case {
 } bench_case;
 
 static const bench_case bench_cases[] = {
-    {"gas64", SCENE_GAS, 262144, 48.0, 1, 4, 0.0, 1},
-    {"gas64", SCENE_GAS, 262144, 48.0, 2, 4, 0.0, 1},
+    {"gas64", SCENE_GAS, 262144, 48.0, 1, 12, 0.0, 1},
+    {"gas64", SCENE_GAS, 262144, 48.0, 2, 12, 0.0, 1},
     {"gas100", SCENE_GAS, 1000000, 48.0, 1, 2, 0.0, 0},
-    {"elastic", SCENE_ELASTIC, 107000, 65.0, 1, 4, 0.0, 1},
-    {"solid", SCENE_SOLID, 107000, 65.0, 1, 4, 0.0, 1},
-    {"solid", SCENE_SOLID, 107000, 65.0, 2, 4, 0.0, 1},
-    {"pumice", SCENE_PUMICE, 100000, 65.0, 1, 4, 0.0, 1},
-    {"pumice", SCENE_PUMICE, 100000, 65.0, 2, 4, 0.0, 0},
+    {"elastic", SCENE_ELASTIC, 107000, 65.0, 1, 12, 0.0, 1},
+    {"solid", SCENE_SOLID, 107000, 65.0, 1, 12, 0.0, 1},
+    {"solid", SCENE_SOLID, 107000, 65.0, 2, 12, 0.0, 1},
+    {"pumice", SCENE_PUMICE, 100000, 65.0, 1, 12, 0.0, 1},
+    {"pumice", SCENE_PUMICE, 100000, 65.0, 2, 12, 0.0, 0},
     {"gas 1e4", SCENE_GAS, 9261, 48.0, 1, 40, 0.0, 0},
-    {"gas 1e5", SCENE_GAS, 97336, 48.0, 1, 8, 0.0, 1},
+    {"gas 1e5", SCENE_GAS, 97336, 48.0, 1, 16, 0.0, 1},
     {"gas 4e6", SCENE_GAS, 4000000, 48.0, 1, 2, 0.0, 0},
 };
 enum { BENCH_CASES = sizeof bench_cases / sizeof bench_cases[0] };
