@@ -8936,7 +8936,8 @@ typedef struct sphpa_pair_buffer_ {
 typedef struct sphpa_narrow_ {
     bool hold;             /* made for these positions */
     uint32_t *list;        /* (capacity) chunk after chunk, each with room for its whole lists */
-    uint32_t *first, *count; /* (groups) where a list begins in its chunk's; its length */
+    uint32_t *first, *count; /* (groups) where a list begins in its chunk's; its length, as the
+                                index of an entry whose image is that of the last listed one */
     size_t *chunk;         /* (chunks) where a chunk's lists begin */
     size_t capacity, first_capacity, count_capacity, chunk_capacity;
 } sphpa_narrow_;
@@ -9322,19 +9323,23 @@ SPHPA_PRIVATE_ bool sphpa_sim_lists_hold_(sphpa_sim *sim) {
     return true;
 }
 
-/* the group that begins with particle `first`; x [m] is where that one is */
-SPHPA_PRIVATE_ void sphpa_group_at_(const sphpa_sim *sim, size_t first, const double x[3],
-                                    double centre[SPHPA_TREE_IMAGES][3], sphpa_group *group) {
+/* the group that begins with particle `first`, with its listed neighbours */
+SPHPA_FORCE_INLINE_ void sphpa_group_at_(const sphpa_sim *sim, size_t first, sphpa_group *group) {
     uint32_t count = 0;
     size_t left = sim->lists.n - first;
     group->first = first;
     group->count = left < SPHPA_LANES_ ? left : SPHPA_LANES_;
     group->list = group->far = sphpa_tree_list_of_(&sim->lists, first / SPHPA_LANES_, &count);
     group->entries = group->far_entries = count;
-    group->centre = (const double (*)[3])centre;
-    uint32_t images = SPHPA_TREE_ENTRY_IMAGE(group->list[count - 1]); /* they come in order */
-    for (uint32_t image = 0; image <= images; image++)
+}
+
+/* x [m]: where its first particle is; last: the last entry of its list, whose images come in order */
+SPHPA_FORCE_INLINE_ void sphpa_group_centre_(const sphpa_sim *sim, const double x[3], uint32_t last,
+                                             double centre[SPHPA_TREE_IMAGES][3],
+                                             sphpa_group *group) {
+    for (uint32_t image = 0; image <= SPHPA_TREE_ENTRY_IMAGE(last); image++)
         for (int a = 0; a < 3; a++) centre[image][a] = x[a] - sim->work->shift[image][a];
+    group->centre = (const double (*)[3])centre;
 }
 
 /* pairs of one chunk of new lists that are within the supports */
@@ -9345,7 +9350,9 @@ SPHPA_PRIVATE_ double sphpa_count_chunk_(const sphpa_sim *sim, size_t chunk) {
     for (size_t i = chunk * SPHPA_TREE_CHUNK; i < end; i += SPHPA_LANES_) {
         sphpa_group near;
         sphpa_lanes_ x[3], d[3], count = sphpa_lanes_of_(SPHPA_R(0.0)), own = count;
-        sphpa_group_at_(sim, i, sim->tree.pos + 4 * i, centre, &near);
+        sphpa_group_at_(sim, i, &near);
+        sphpa_group_centre_(sim, sim->tree.pos + 4 * i, near.far[near.far_entries - 1], centre,
+                            &near);
         near.records = (const char *)sim->tree.pos;
         sphpa_lanes_own_x_(&near, stride, x);
         for (size_t l = 0; l < SPHPA_LANES_; l++)
@@ -9597,18 +9604,23 @@ SPHPA_PRIVATE_ uint32_t sphpa_narrow_group_(const sphpa_sim *sim, const sphpa_gr
 }
 
 /* the lists without their skin, of this group; made here where this traversal makes them */
-SPHPA_PRIVATE_ void sphpa_narrow_at_(const sphpa_sim *sim, size_t chunk, size_t *used,
-                                     sphpa_group *group) {
+SPHPA_FORCE_INLINE_ void sphpa_narrow_at_(const sphpa_sim *sim, size_t chunk, size_t *used,
+                                          double centre[SPHPA_TREE_IMAGES][3],
+                                          sphpa_group *group) {
     sphpa_narrow_ *narrow = &sim->work->narrow;
+    const double *x = sim->work->point + 4 * group->first;
     size_t g = group->first / SPHPA_LANES_;
     uint32_t *list = narrow->list + narrow->chunk[chunk];
+    uint32_t last = narrow->hold ? narrow->count[g] : group->far[group->far_entries - 1];
+    sphpa_group_centre_(sim, x, last, centre, group);
     if (!narrow->hold) {
+        uint32_t count = sphpa_narrow_group_(sim, group, list + *used);
         narrow->first[g] = (uint32_t)*used;
-        narrow->count[g] = sphpa_narrow_group_(sim, group, list + *used);
-        *used += narrow->count[g];
+        narrow->count[g] = count | (last - SPHPA_TREE_ENTRY_INDEX(last)); /* with last's image */
+        *used += count;
     }
     group->list = list + narrow->first[g];
-    group->entries = narrow->count[g];
+    group->entries = SPHPA_TREE_ENTRY_INDEX(narrow->count[g]);
 }
 
 /* Whether points and lists without skin are those of these positions and supports. same: h must not
@@ -9677,8 +9689,8 @@ SPHPA_PRIVATE_ void sphpa_shared_chunk_(sphpa_sim *sim, const sphpa_shared_ *sha
     if (end > sim->p.n) end = sim->p.n;
     unsigned before = sphpa_denormals_off_();
     for (size_t i = chunk * SPHPA_TREE_CHUNK; i < end; i += SPHPA_LANES_) {
-        sphpa_group_at_(sim, i, sim->work->point + 4 * i, centre, &group);
-        sphpa_narrow_at_(sim, chunk, &used, &group);
+        sphpa_group_at_(sim, i, &group);
+        sphpa_narrow_at_(sim, chunk, &used, centre, &group);
         sphpa_shared_group_(sim, shared, &group, buffer);
     }
     sphpa_denormals_back_(before);
