@@ -1314,7 +1314,7 @@ SPHPA_DEF sphpa_result sphpa_tree_friends(const sphpa_tree *tree, const double *
     X(C, sphpa_real, 6, "CorrectionMatrices", 0, 0, 0, DERIVED, RESET, RESET,                      \
       "correction of the kernel's gradient [1]")                                                   \
     X(cut, uint32_t, 1, "CutNeighbours", 0, 0, 0, DERIVED, RESET, RESET,                           \
-      "neighbours that do not strain the solid: foreign or broken [1]")                            \
+      "neighbours that do not strain the solid, foreign or broken; + 2^31: C is blended [1]")      \
     X(h0, sphpa_real, 1, "InitialSmoothingLengths", 1, 0, 0, CONSTANT, RESET, RESET,               \
       "smoothing length at the start [m]")                                                         \
     X(rho_h0, sphpa_real, 1, "InitialDensities", -3, 1, 0, CONSTANT, RESET, RESET,                 \
@@ -1562,6 +1562,10 @@ typedef struct sphpa_pass {
     /* fills records[i], i in [first, last), before the pairs are visited */
     void (*pack)(const struct sphpa_sim *sim, const void *params, size_t first, size_t last,
                  void *records);
+    /* the same where an earlier pass's pack(), of this function and these parameters, has left its
+       records, and since then nothing changed but a, mu_max, div_v and du: writes what follows them */
+    void (*repack)(const struct sphpa_sim *sim, const void *params, size_t first, size_t last,
+                   void *records);
     /* particles [first, last); on failure *bad is the particle that failed */
     sphpa_result (*particle)(struct sphpa_sim *sim, void *params, size_t first, size_t last,
                              size_t *bad);
@@ -8956,6 +8960,9 @@ struct sphpa_work {
     int set_up;         /* modules whose setup was called */
     char *records;      /* packed records of the passes that share a traversal */
     size_t records_bytes;
+    const sphpa_pass *packed; /* whose records come first there; NULL: of other positions */
+    const void *packed_params;
+    sphpa_mask touched; /* fields that passes wrote since */
     char *kept;         /* what the next step predicts with, while a refresh shows other values */
     size_t kept_bytes, kept_n; /* kept_n: particles; 0: nothing is kept */
     double *block_sum;  /* (blocks, 12) partial sums and minima */
@@ -9474,6 +9481,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_neighbours_(sphpa_sim *sim, sphpa_error *e
     double since = sphpa_wall_clock();
     bool hold = sphpa_sim_lists_hold_(sim);
     sim->work->narrow.hold = false; /* particles have moved */
+    sim->work->packed = NULL;
     sim->stats.timing[SPHPA_TIME_LISTS].seconds += sphpa_wall_clock() - since;
     if (hold) return SPHPA_OK;
     sphpa_result result = sphpa_sim_rebuild_(sim, err);
@@ -9541,6 +9549,15 @@ typedef struct sphpa_shared_ {
     size_t offset[SPHPA_SCENE_PASSES];
 } sphpa_shared_;
 
+/* whether pass k's records are there but for what follows a */
+SPHPA_PRIVATE_ bool sphpa_sim_repacks_(const sphpa_sim *sim, int k) {
+    const struct sphpa_work *work = sim->work;
+    const sphpa_mask follows = SPHPA_F(a) | SPHPA_F(mu_max) | SPHPA_F(div_v) | SPHPA_F(du);
+    return sim->pass[k]->repack != NULL && work->packed != NULL &&
+           work->packed->pack == sim->pass[k]->pack && work->packed_params == sim->pass_params[k] &&
+           (work->touched & ~follows) == 0;
+}
+
 SPHPA_PRIVATE_ sphpa_result sphpa_shared_pack_(sphpa_sim *sim, sphpa_shared_ *shared,
                                               sphpa_error *err) {
     struct sphpa_work *work = sim->work;
@@ -9551,6 +9568,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_shared_pack_(sphpa_sim *sim, sphpa_shared_ *sh
     }
     if (bytes + 64 > work->records_bytes) {
         SPHPA_FREE(work->records);
+        work->packed = NULL;
         work->records_bytes = 0;
         work->records = (char *)SPHPA_MALLOC(bytes + 64);
         if (work->records == NULL)
@@ -9564,12 +9582,17 @@ SPHPA_PRIVATE_ sphpa_result sphpa_shared_pack_(sphpa_sim *sim, sphpa_shared_ *sh
         const sphpa_pass *pass = sim->pass[k];
         if (pass->pack == NULL) continue;
         char *records = work->records + shared->offset[k];
+        bool again = k == shared->first && sphpa_sim_repacks_(sim, k);
         long blocks = (long)sphpa_blocks_(n);
         SPHPA_OMP(parallel for schedule(static) if (blocks > SPHPA_FEW_))
         for (long block = 0; block < blocks; block++)
-            pass->pack(sim, sim->pass_params[k], (size_t)block * SPHPA_BLOCK_,
-                       sphpa_block_end_((size_t)block, n), records);
+            (again ? pass->repack : pass->pack)(sim, sim->pass_params[k],
+                                                (size_t)block * SPHPA_BLOCK_,
+                                                sphpa_block_end_((size_t)block, n), records);
     }
+    work->packed = sim->pass[shared->first];
+    work->packed_params = sim->pass_params[shared->first];
+    work->touched = 0;
     return SPHPA_OK;
 }
 
@@ -9778,6 +9801,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_stage_(sphpa_sim *sim, sphpa_stage stage, 
                                         : sphpa_sim_particle_pass_(sim, k, err);
             if (result != SPHPA_OK) return result;
             sphpa_sim_time_(sim, SPHPA_TIME_PASSES + k, since);
+            for (int other = k; other < end; other++)
+                sim->work->touched |= sim->pass[other]->writes | sim->pass[other]->advances;
             for (int other = k + 1; other < end; other++) /* their time is in the first one's */
                 sim->stats.timing[SPHPA_TIME_PASSES + other].calls++;
         }
@@ -10968,6 +10993,16 @@ SPHPA_PRIVATE_ void sphpa_gas_pack_(const sphpa_sim *sim, const void *params, si
     }
 }
 
+/* the velocity of the middle of the kick is all in them that follows a */
+SPHPA_PRIVATE_ void sphpa_gas_repack_(const sphpa_sim *sim, const void *params, size_t first,
+                                      size_t last, void *records) {
+    sphpa_gas_record_ *record = (sphpa_gas_record_ *)records;
+    (void)params;
+    for (size_t i = first; i < last; i++)
+        for (size_t k = 0; k < 3; k++)
+            record[i].mean_v[k] = (sphpa_real)sphpa_sim_mean_v_(sim, 3 * i + k);
+}
+
 /* The lanes' own numbers, and the pair at hand: what forces and energy have in common. */
 typedef struct sphpa_gas_pair_ {
     sphpa_lanes_ x[3], v[3], force, per_h, scale;
@@ -11122,7 +11157,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_gas_check_all_(const sphpa_sim *sim, const voi
     return sphpa_materials_check_(sim, "gas", ((const sphpa_gas_params *)params)->materials, err);
 }
 
-SPHPA_PRIVATE_ void sphpa_gas_group_(
+SPHPA_PRIVATE_ sphpa_pass *sphpa_gas_group_(
     sphpa_module *module, const char *name, sphpa_stage stage, sphpa_mask reads, sphpa_mask writes,
     void (*group)(sphpa_sim *, void *, const sphpa_group *),
     void (*pack)(const sphpa_sim *, const void *, size_t, size_t, void *), size_t bytes) {
@@ -11131,6 +11166,7 @@ SPHPA_PRIVATE_ void sphpa_gas_group_(
     pass->group = group;
     pass->pack = pack;
     pass->record_bytes = bytes;
+    return pass;
 }
 
 SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params) {
@@ -11156,7 +11192,8 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params) {
                      SPHPA_F(a) | SPHPA_F(mu_max) | SPHPA_F(div_v), sphpa_gas_forces_,
                      sphpa_gas_pack_, sizeof(sphpa_gas_record_));
     sphpa_gas_group_(&module, "gas energy", SPHPA_STAGE_ENERGY, all | SPHPA_F(a), SPHPA_F(du),
-                     sphpa_gas_energy_, sphpa_gas_pack_, sizeof(sphpa_gas_record_));
+                     sphpa_gas_energy_, sphpa_gas_pack_, sizeof(sphpa_gas_record_))
+        ->repack = sphpa_gas_repack_;
     if (params->conduction > 0.0) {
         sphpa_pass *conduction = sphpa_module_pass_(&module, "gas conduction", SPHPA_STAGE_ENERGY,
                                                     all | SPHPA_F(a), SPHPA_F(du));
@@ -11426,14 +11463,19 @@ SPHPA_PRIVATE_ void sphpa_solid_spin_(const double A[9], const double M[6], doub
     w[2] = (c * p + (xy * xz - xx * yz) * q + (xx * yy - xy * xy) * r) / det;
 }
 
+#define SPHPA_BLENDED_ ((uint32_t)1 << 31) /* of the field cut: L is not the sum times C */
+#define SPHPA_CUT_(cut) ((cut) & ~SPHPA_BLENDED_)
+
 /* L of (2). Where the inverse is not used whole, the rotation is taken out first and put back: a
-   body that turns rigidly is not strained, however few neighbours a particle has. */
+   body that turns rigidly is not strained, however few neighbours a particle has. *blended:
+   SPHPA_BLENDED_ where it is so, else 0. */
 SPHPA_PRIVATE_ sphpa_sym3 sphpa_solid_gradient_(const sphpa_solid_sums_ *sums, int dim,
-                                                bool correction, double L[9]) {
+                                                bool correction, double L[9], uint32_t *blended) {
     sphpa_sym3 C = {1.0, 1.0, 1.0, 0.0, 0.0, 0.0};
     double share = 1.0, w[3];
     if (correction) C = sphpa_solid_correction_(sums->x, sums->count, dim, &share);
-    if (share == 1.0 || dim < 2) {
+    *blended = share == 1.0 || dim < 2 ? 0u : SPHPA_BLENDED_;
+    if (*blended == 0) {
         sphpa_solid_times_(sums->v, &C, L);
         return C;
     }
@@ -11454,7 +11496,8 @@ SPHPA_PRIVATE_ void sphpa_solid_store_(sphpa_sim *sim, const sphpa_solid_params 
                                        const sphpa_solid_rates_ *rates, bool centred) {
     const sphpa_solid_sums_ *all = &rates->all, *left_out = &rates->left_out;
     double L[9];
-    sphpa_sym3 C = sphpa_solid_gradient_(all, sim->p.dim, solid->correction != 0, L);
+    uint32_t blended;
+    sphpa_sym3 C = sphpa_solid_gradient_(all, sim->p.dim, solid->correction != 0, L, &blended);
     sim->p.div_v[i] = (sphpa_real)(L[0] + L[4] + L[8]);
     if (sim->p.balsara != NULL && !centred) {
         double div = fabs(L[0] + L[4] + L[8]), x = L[7] - L[5], y = L[2] - L[6], z = L[3] - L[1];
@@ -11467,10 +11510,10 @@ SPHPA_PRIVATE_ void sphpa_solid_store_(sphpa_sim *sim, const sphpa_solid_params 
         for (int k = 0; k < 9; k++) own.v[k] -= left_out->v[k];
         for (int k = 0; k < 6; k++) own.x[k] -= left_out->x[k];
         own.count -= left_out->count;
-        C = sphpa_solid_gradient_(&own, sim->p.dim, solid->correction != 0, L);
+        C = sphpa_solid_gradient_(&own, sim->p.dim, solid->correction != 0, L, &blended);
     }
     for (size_t k = 0; k < 9; k++) sim->p.L[9 * i + k] = (sphpa_real)L[k];
-    if (!centred) sim->p.cut[i] = (uint32_t)left_out->count;
+    if (!centred) sim->p.cut[i] = (uint32_t)left_out->count | blended;
     if (sim->p.C != NULL && !centred) { /* the one of L, so that stress works on what strains it */
         const double c[6] = {C.xx, C.yy, C.zz, C.xy, C.yz, C.xz};
         for (size_t k = 0; k < 6; k++) sim->p.C[6 * i + k] = (sphpa_real)c[k];
@@ -11653,7 +11696,7 @@ SPHPA_PRIVATE_ void sphpa_solid_pack_one_(const sphpa_sim *sim, const sphpa_soli
     if (solid->artificial_stress > 0.0)
         sphpa_solid_artificial_(&sigma, solid->artificial_stress / (rho * rho), record->R);
     /* C of a particle at a cut knows one side only; pressure acts across, and goes without it */
-    double across = p->cut[i] > 0 ? push : 0.0;
+    double across = SPHPA_CUT_(p->cut[i]) > 0 ? push : 0.0;
     const double A[9] = {per * sigma.xx + across, per * sigma.xy, per * sigma.xz,
                          per * sigma.xy, per * sigma.yy + across, per * sigma.yz,
                          per * sigma.xz, per * sigma.yz, per * sigma.zz + across};
@@ -11670,6 +11713,16 @@ SPHPA_PRIVATE_ void sphpa_solid_pack_one_(const sphpa_sim *sim, const sphpa_soli
     record->share = (sphpa_real)(root / rho);
     sphpa_viscous_pack_(p, sphpa_viscosity_a_(&solid->viscosity), i,
                         (double)(p->c_visc != NULL ? p->c_visc[i] : p->c[i]), &record->viscous);
+}
+
+/* the velocity of the middle of the kick is all in them that follows a */
+SPHPA_PRIVATE_ void sphpa_solid_repack_(const sphpa_sim *sim, const void *params, size_t first,
+                                        size_t last, void *records) {
+    sphpa_solid_record_ *record = (sphpa_solid_record_ *)records;
+    (void)params;
+    for (size_t i = first; i < last; i++)
+        for (size_t a = 0; a < 3; a++)
+            record[i].point.v[a] = (sphpa_real)sphpa_sim_mean_v_(sim, 3 * i + a);
 }
 
 SPHPA_PRIVATE_ void sphpa_solid_pack_(const sphpa_sim *sim, const void *params, size_t first,
@@ -11896,6 +11949,22 @@ SPHPA_FORCE_INLINE_ void sphpa_solid_heat_(const sphpa_solid_params *solid,
     memcpy(out->work, &work, sizeof work);
 }
 
+/* whether C of the whole group stands as it was in the gradients' pass, which saw the same pairs */
+SPHPA_PRIVATE_ bool sphpa_solid_known_(const sphpa_sim *sim, const sphpa_group *near) {
+    uint32_t cut = 0;
+    for (size_t l = 0; l < sphpa_lanes_used_(near); l++) cut |= sim->p.cut[near->first + l];
+    return cut == 0;
+}
+
+SPHPA_PRIVATE_ void sphpa_solid_store_known_(sphpa_sim *sim, size_t i,
+                                             const sphpa_solid_sums_ *sums) {
+    sphpa_sym3 C = sphpa_sym3_load_(sim->p.C + 6 * i);
+    double L[9];
+    sphpa_solid_times_(sums->v, &C, L);
+    sim->p.div_v[i] = (sphpa_real)(L[0] + L[4] + L[8]);
+    for (size_t k = 0; k < 9; k++) sim->p.L[9 * i + k] = (sphpa_real)L[k];
+}
+
 /* equation (6), and (2) once more with the time-centred velocities: the rates that the end of the
    step is made with. Were rho and S advanced with the predicted v, whose acceleration lags by a
    step, elastic waves would grow by (omega dt)^4/4 a step. */
@@ -11905,11 +11974,13 @@ SPHPA_PRIVATE_ void sphpa_solid_energy_(sphpa_sim *sim, void *params, const sphp
     sphpa_shape_ shape = sphpa_shape_of_(sim);
     sphpa_solid_stretch_ stretch = sphpa_solid_stretch_of_(sim, solid);
     sphpa_solid_heated_ out;
+    bool known = false; /* C from the gradients' pass */
     if (shape.shape != 0)
         sphpa_solid_heat_(solid, &stretch, near, shape.shape, true, true, &out);
     else if (stretch.exponent > 0.0 || sphpa_solid_mixed_(near, sizeof *records))
         sphpa_solid_heat_(solid, &stretch, near, 0, true, true, &out);
-    else if (solid->correction) sphpa_solid_heat_(solid, &stretch, near, 0, true, false, &out);
+    else if (solid->correction && !(known = sphpa_solid_known_(sim, near)))
+        sphpa_solid_heat_(solid, &stretch, near, 0, true, false, &out);
     else sphpa_solid_heat_(solid, &stretch, near, 0, false, false, &out);
     for (size_t l = 0; l < sphpa_lanes_used_(near); l++) {
         sphpa_solid_rates_ rates;
@@ -11918,7 +11989,8 @@ SPHPA_PRIVATE_ void sphpa_solid_energy_(sphpa_sim *sim, void *params, const sphp
         sphpa_solid_lane_(&out.all, l, per, &rates.all);
         sphpa_solid_lane_(&out.left_out, l, per, &rates.left_out);
         sim->p.du[i] += out.work[l];
-        sphpa_solid_store_(sim, solid, i, &rates, true);
+        if (known) sphpa_solid_store_known_(sim, i, &rates.all);
+        else sphpa_solid_store_(sim, solid, i, &rates, true);
     }
 }
 
@@ -12059,6 +12131,7 @@ SPHPA_PRIVATE_ void sphpa_solid_force_passes_(sphpa_module *module,
     forces->uses = energy->uses = SPHPA_F(D) | SPHPA_F(c_visc);
     forces->record_bytes = energy->record_bytes = sizeof(sphpa_solid_record_);
     forces->pack = energy->pack = sphpa_solid_pack_;
+    energy->repack = sphpa_solid_repack_;
     forces->group = sphpa_solid_forces_;
     energy->group = sphpa_solid_energy_;
 }

@@ -101,8 +101,8 @@ static const scene_impact scene_porous = {
 
 /* Both bodies' particles have one volume in the basalt impact; pumice's projectile is finer, or it
    would have next to none. They are moved by up to a tenth of the spacing: on the lattice itself the
-   number of neighbours jumps from 54 to 78 where a shell comes within the support. A tenth more of
-   them is asked for inside, since those at surfaces have fewer. */
+   number of neighbours jumps from 54 to 78 where a shell comes within the support. Some more of
+   them are asked for inside, since those at surfaces have fewer. */
 static void scene_bodies(bench_scene *s, const scene_impact *impact, sphpa_particles *p, long n,
                          double neighbours) {
     double centre[3] = {0.0, 0.0, 0.0}, share = pow(impact->diameter[1] / impact->diameter[0], 3.0);
@@ -110,7 +110,7 @@ static void scene_bodies(bench_scene *s, const scene_impact *impact, sphpa_parti
     sphpa_error err;
     sphpa_rng rng = sphpa_rng_seed(1, 1);
     memset(&body, 0, sizeof body);
-    body.eta = scene_eta(1.1 * neighbours);
+    body.eta = scene_eta(1.13 * neighbours);
     body.lattice = SPHPA_LATTICE_HEXAGONAL;
     if (scene_kind(s) == SCENE_PUMICE) share = fmax(share, 0.005);
     for (int k = 0; k < SCENE_BODIES; k++) {
