@@ -220,12 +220,14 @@ SKIPPED := $(if $(HDF5_FOUND),,$(MUST_USE_HDF5))
 EXAMPLES := $(patsubst examples/%.c,$(BUILD)/examples/%,$(filter-out $(SKIPPED),$(wildcard examples/*.c)))
 TESTS := $(patsubst tests/%.c,$(BUILD)/tests/%,$(filter-out $(SKIPPED),$(wildcard tests/test_*.c)))
 
+# what runs for minutes gets the vectors of today's machines, where this one has them
+VECTORS = $(if $(NATIVE_FLAGS),,$(BENCH_FLAGS))
+$(IMPACT): EXAMPLE_FLAGS = $(VECTORS)
 $(BUILD)/examples/%: examples/%.c sphpa.h $(BUILD)/flags.mk $(wildcard examples/*.h)
-	$(COMPILE) $(WARNINGS) $(hdf5_cflags) $< -o $@ $(LINK_FLAGS) $(hdf5_libs) $(LIBS)
+	$(COMPILE) $(EXAMPLE_FLAGS) $(WARNINGS) $(hdf5_cflags) $< -o $@ $(LINK_FLAGS) $(hdf5_libs) $(LIBS)
 
-# what times things gets a flag more than the rest: the vectors of today's machines, or, with NATIVE=1,
-# of this one; and the libraries whose solvers are timed beside ours
-BENCH_COMPILE = $(COMPILE) $(if $(NATIVE_FLAGS),,$(BENCH_FLAGS))
+# what times things gets them too, and the libraries whose solvers are timed beside ours
+BENCH_COMPILE = $(COMPILE) $(VECTORS)
 BENCH_ABOUT = -DBENCH_COMPILER='"$(COMPILER_NAME)"' \
               -DBENCH_FLAGS='"$(subst ",,$(subst ',,$(filter-out $(CC),$(BENCH_COMPILE))))"'
 $(BUILD)/bench/bench_%: bench/bench_%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h) examples/example.h
@@ -240,7 +242,7 @@ $(TIMED): $(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench
 	@mkdir -p $(@D)
 	$(BENCH_COMPILE) $(WARNINGS) $(BENCH_ABOUT) $< -o $@ $(LINK_FLAGS) $(LIBS)
 
-# one source, both precisions, whatever REAL is; what times the engine gets the vectors too
+# one source, both precisions, whatever REAL is
 both = $(addprefix $(BUILD)/bench/$(1)_,double float)
 BOTH_NEED = sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h examples/*.h)
 BOTH_END = $(if $(findstring _float,$@),-DSPHPA_FLOAT) $(WARNINGS) $(BENCH_ABOUT) $< -o $@ $(LINK_FLAGS) $(LIBS)
@@ -252,11 +254,11 @@ $(call both,bench_sph): bench/bench_sph.c $(BOTH_NEED)
 	$(filter-out -DSPHPA_FLOAT,$(BENCH_COMPILE)) $(BOTH_END)
 $(call both,stress_sph): bench/stress_sph.c $(BOTH_NEED)
 	@mkdir -p $(@D)
-	$(filter-out -DSPHPA_FLOAT,$(COMPILE)) $(BOTH_END)
+	$(filter-out -DSPHPA_FLOAT,$(BENCH_COMPILE)) $(BOTH_END)
 
 $(call both,verify): bench/verify.c $(BOTH_NEED)
 	@mkdir -p $(@D)
-	$(filter-out -DSPHPA_FLOAT,$(COMPILE)) $(BOTH_END)
+	$(filter-out -DSPHPA_FLOAT,$(BENCH_COMPILE)) $(BOTH_END)
 
 $(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h) examples/example.h
 	@mkdir -p $(BUILD)/bench

@@ -1314,7 +1314,7 @@ SPHPA_DEF sphpa_result sphpa_tree_friends(const sphpa_tree *tree, const double *
     X(C, sphpa_real, 6, "CorrectionMatrices", 0, 0, 0, DERIVED, RESET, RESET,                      \
       "correction of the kernel's gradient [1]")                                                   \
     X(cut, uint32_t, 1, "CutNeighbours", 0, 0, 0, DERIVED, RESET, RESET,                           \
-      "neighbours that do not strain the solid, foreign or broken; + 2^31: C is blended [1]")      \
+      "neighbours that do not strain the solid: foreign or broken [1]")                            \
     X(h0, sphpa_real, 1, "InitialSmoothingLengths", 1, 0, 0, CONSTANT, RESET, RESET,               \
       "smoothing length at the start [m]")                                                         \
     X(rho_h0, sphpa_real, 1, "InitialDensities", -3, 1, 0, CONSTANT, RESET, RESET,                 \
@@ -11463,19 +11463,14 @@ SPHPA_PRIVATE_ void sphpa_solid_spin_(const double A[9], const double M[6], doub
     w[2] = (c * p + (xy * xz - xx * yz) * q + (xx * yy - xy * xy) * r) / det;
 }
 
-#define SPHPA_BLENDED_ ((uint32_t)1 << 31) /* of the field cut: L is not the sum times C */
-#define SPHPA_CUT_(cut) ((cut) & ~SPHPA_BLENDED_)
-
 /* L of (2). Where the inverse is not used whole, the rotation is taken out first and put back: a
-   body that turns rigidly is not strained, however few neighbours a particle has. *blended:
-   SPHPA_BLENDED_ where it is so, else 0. */
+   body that turns rigidly is not strained, however few neighbours a particle has. */
 SPHPA_PRIVATE_ sphpa_sym3 sphpa_solid_gradient_(const sphpa_solid_sums_ *sums, int dim,
-                                                bool correction, double L[9], uint32_t *blended) {
+                                                bool correction, double L[9]) {
     sphpa_sym3 C = {1.0, 1.0, 1.0, 0.0, 0.0, 0.0};
     double share = 1.0, w[3];
     if (correction) C = sphpa_solid_correction_(sums->x, sums->count, dim, &share);
-    *blended = share == 1.0 || dim < 2 ? 0u : SPHPA_BLENDED_;
-    if (*blended == 0) {
+    if (share == 1.0 || dim < 2) {
         sphpa_solid_times_(sums->v, &C, L);
         return C;
     }
@@ -11496,8 +11491,7 @@ SPHPA_PRIVATE_ void sphpa_solid_store_(sphpa_sim *sim, const sphpa_solid_params 
                                        const sphpa_solid_rates_ *rates, bool centred) {
     const sphpa_solid_sums_ *all = &rates->all, *left_out = &rates->left_out;
     double L[9];
-    uint32_t blended;
-    sphpa_sym3 C = sphpa_solid_gradient_(all, sim->p.dim, solid->correction != 0, L, &blended);
+    sphpa_sym3 C = sphpa_solid_gradient_(all, sim->p.dim, solid->correction != 0, L);
     sim->p.div_v[i] = (sphpa_real)(L[0] + L[4] + L[8]);
     if (sim->p.balsara != NULL && !centred) {
         double div = fabs(L[0] + L[4] + L[8]), x = L[7] - L[5], y = L[2] - L[6], z = L[3] - L[1];
@@ -11510,10 +11504,10 @@ SPHPA_PRIVATE_ void sphpa_solid_store_(sphpa_sim *sim, const sphpa_solid_params 
         for (int k = 0; k < 9; k++) own.v[k] -= left_out->v[k];
         for (int k = 0; k < 6; k++) own.x[k] -= left_out->x[k];
         own.count -= left_out->count;
-        C = sphpa_solid_gradient_(&own, sim->p.dim, solid->correction != 0, L, &blended);
+        C = sphpa_solid_gradient_(&own, sim->p.dim, solid->correction != 0, L);
     }
     for (size_t k = 0; k < 9; k++) sim->p.L[9 * i + k] = (sphpa_real)L[k];
-    if (!centred) sim->p.cut[i] = (uint32_t)left_out->count | blended;
+    if (!centred) sim->p.cut[i] = (uint32_t)left_out->count;
     if (sim->p.C != NULL && !centred) { /* the one of L, so that stress works on what strains it */
         const double c[6] = {C.xx, C.yy, C.zz, C.xy, C.yz, C.xz};
         for (size_t k = 0; k < 6; k++) sim->p.C[6 * i + k] = (sphpa_real)c[k];
@@ -11696,7 +11690,7 @@ SPHPA_PRIVATE_ void sphpa_solid_pack_one_(const sphpa_sim *sim, const sphpa_soli
     if (solid->artificial_stress > 0.0)
         sphpa_solid_artificial_(&sigma, solid->artificial_stress / (rho * rho), record->R);
     /* C of a particle at a cut knows one side only; pressure acts across, and goes without it */
-    double across = SPHPA_CUT_(p->cut[i]) > 0 ? push : 0.0;
+    double across = p->cut[i] > 0 ? push : 0.0;
     const double A[9] = {per * sigma.xx + across, per * sigma.xy, per * sigma.xz,
                          per * sigma.xy, per * sigma.yy + across, per * sigma.yz,
                          per * sigma.xz, per * sigma.yz, per * sigma.zz + across};
@@ -11949,38 +11943,21 @@ SPHPA_FORCE_INLINE_ void sphpa_solid_heat_(const sphpa_solid_params *solid,
     memcpy(out->work, &work, sizeof work);
 }
 
-/* whether C of the whole group stands as it was in the gradients' pass, which saw the same pairs */
-SPHPA_PRIVATE_ bool sphpa_solid_known_(const sphpa_sim *sim, const sphpa_group *near) {
-    uint32_t cut = 0;
-    for (size_t l = 0; l < sphpa_lanes_used_(near); l++) cut |= sim->p.cut[near->first + l];
-    return cut == 0;
-}
-
-SPHPA_PRIVATE_ void sphpa_solid_store_known_(sphpa_sim *sim, size_t i,
-                                             const sphpa_solid_sums_ *sums) {
-    sphpa_sym3 C = sphpa_sym3_load_(sim->p.C + 6 * i);
-    double L[9];
-    sphpa_solid_times_(sums->v, &C, L);
-    sim->p.div_v[i] = (sphpa_real)(L[0] + L[4] + L[8]);
-    for (size_t k = 0; k < 9; k++) sim->p.L[9 * i + k] = (sphpa_real)L[k];
-}
-
 /* equation (6), and (2) once more with the time-centred velocities: the rates that the end of the
    step is made with. Were rho and S advanced with the predicted v, whose acceleration lags by a
-   step, elastic waves would grow by (omega dt)^4/4 a step. */
+   step, elastic waves would grow by (omega dt)^4/4 a step. C is summed anew: that of the gradients'
+   pass goes with the densities that the last rates foretold. */
 SPHPA_PRIVATE_ void sphpa_solid_energy_(sphpa_sim *sim, void *params, const sphpa_group *near) {
     const sphpa_solid_params *solid = (const sphpa_solid_params *)params;
     const sphpa_solid_record_ *records = (const sphpa_solid_record_ *)(const void *)near->records;
     sphpa_shape_ shape = sphpa_shape_of_(sim);
     sphpa_solid_stretch_ stretch = sphpa_solid_stretch_of_(sim, solid);
     sphpa_solid_heated_ out;
-    bool known = false; /* C from the gradients' pass */
     if (shape.shape != 0)
         sphpa_solid_heat_(solid, &stretch, near, shape.shape, true, true, &out);
     else if (stretch.exponent > 0.0 || sphpa_solid_mixed_(near, sizeof *records))
         sphpa_solid_heat_(solid, &stretch, near, 0, true, true, &out);
-    else if (solid->correction && !(known = sphpa_solid_known_(sim, near)))
-        sphpa_solid_heat_(solid, &stretch, near, 0, true, false, &out);
+    else if (solid->correction) sphpa_solid_heat_(solid, &stretch, near, 0, true, false, &out);
     else sphpa_solid_heat_(solid, &stretch, near, 0, false, false, &out);
     for (size_t l = 0; l < sphpa_lanes_used_(near); l++) {
         sphpa_solid_rates_ rates;
@@ -11989,8 +11966,7 @@ SPHPA_PRIVATE_ void sphpa_solid_energy_(sphpa_sim *sim, void *params, const sphp
         sphpa_solid_lane_(&out.all, l, per, &rates.all);
         sphpa_solid_lane_(&out.left_out, l, per, &rates.left_out);
         sim->p.du[i] += out.work[l];
-        if (known) sphpa_solid_store_known_(sim, i, &rates.all);
-        else sphpa_solid_store_(sim, solid, i, &rates, true);
+        sphpa_solid_store_(sim, solid, i, &rates, true);
     }
 }
 

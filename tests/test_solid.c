@@ -1011,8 +1011,8 @@ static void compare_with_hand(int dim, const sphpa_solid_params *solid, int in_y
             assert_near_abs((double)sim.p.a[3 * i + k], a[k],
                             FINE(1e-10, 24.0 * FLOAT_ROUNDING) * size[0]);
         assert_near_abs((double)sim.p.du[i], du, FINE(1e-10, 24.0 * FLOAT_ROUNDING) * size[1]);
-        assert_int_equal(at_a_cut(&b, i), SPHPA_CUT_(sim.p.cut[i]) > 0);
-        if (!is_broken(&sim.p, i)) whole[SPHPA_CUT_(sim.p.cut[i]) > 0]++;
+        assert_int_equal(at_a_cut(&b, i), sim.p.cut[i] > 0);
+        if (!is_broken(&sim.p, i)) whole[sim.p.cut[i] > 0]++;
     }
     sphpa_sim_free(&sim);
     sphpa_particles_free(&p);
