@@ -61,7 +61,7 @@ deps-check: ## install everything that check uses
 # ---- the main job ----
 IMPACT = $(BUILD)/examples/pumice_impact
 
-impact: ## a nylon sphere breaks a pumice target: numbers, pictures in build/impact (three minutes)
+impact: ## a nylon sphere breaks a pumice target: numbers, pictures in build/impact (a minute and a half)
 	@$(DEPS) impact
 	@+$(INNER_MAKE) $(IMPACT)
 	@mkdir -p $(BUILD)/impact
@@ -249,16 +249,15 @@ BOTH_END = $(if $(findstring _float,$@),-DSPHPA_FLOAT) $(WARNINGS) $(BENCH_ABOUT
 $(call both,tolerance_impact): bench/tolerance_impact.c $(BOTH_NEED) examples/pumice_impact.c
 	@mkdir -p $(@D)
 	$(filter-out -DSPHPA_FLOAT,$(COMPILE)) $(BOTH_END)
-$(call both,bench_sph): bench/bench_sph.c $(BOTH_NEED)
-	@mkdir -p $(@D)
-	$(filter-out -DSPHPA_FLOAT,$(BENCH_COMPILE)) $(BOTH_END)
-$(call both,stress_sph): bench/stress_sph.c $(BOTH_NEED)
-	@mkdir -p $(@D)
-	$(filter-out -DSPHPA_FLOAT,$(BENCH_COMPILE)) $(BOTH_END)
-
-$(call both,verify): bench/verify.c $(BOTH_NEED)
-	@mkdir -p $(@D)
-	$(filter-out -DSPHPA_FLOAT,$(BENCH_COMPILE)) $(BOTH_END)
+ENGINE = bench_sph stress_sph verify
+define engine
+@mkdir -p $(@D)
+$(filter-out -DSPHPA_FLOAT,$(BENCH_COMPILE)) $(BOTH_END)
+endef
+$(ENGINE:%=$(BUILD)/bench/%_double): $(BUILD)/bench/%_double: bench/%.c $(BOTH_NEED)
+	$(engine)
+$(ENGINE:%=$(BUILD)/bench/%_float): $(BUILD)/bench/%_float: bench/%.c $(BOTH_NEED)
+	$(engine)
 
 $(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h) examples/example.h
 	@mkdir -p $(BUILD)/bench
