@@ -891,8 +891,7 @@ static inline void solid_rings_run(verify *v, double artificial, int correction,
                  artificial);
     verify_row run = verify_row_of("rings", scheme, "cubic", 2);
     if (verify_simulate(v, &task, &run)) {
-        /* Monaghan's rings are without the correction; with it they are reported */
-        solid_rings_rows(v, &r, artificial > 0.0 && !correction, &run);
+        solid_rings_rows(v, &r, artificial > 0.0, &run);
         if (file != NULL) solid_rings_write(&v->sim->p, file);
     } else verify_add(v, run);
     sphpa_particles_free(&initial);

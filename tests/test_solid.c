@@ -911,9 +911,13 @@ static void pair_shared(const by_hand *b, size_t i, size_t j, double Q[9]) {
             double value[3], R[9];
             double near = sphpa_kernel_w(SPHPA_KERNEL_CUBIC, p->dim, r, h) /
                           sphpa_kernel_w(SPHPA_KERNEL_CUBIC, p->dim, h / 1.2, h);
+            double trace = 0.0, size;
+            for (size_t c = 0; c < (size_t)p->dim && p->C != NULL; c++)
+                trace += (double)p->C[6 * of + c];
+            size = fmax(1.0, trace / p->dim);
             principal(b, of, value);
             for (int c = 0; c < 3; c++)
-                value[c] = -solid->artificial_stress * fmax(value[c], 0.0) /
+                value[c] = -solid->artificial_stress * size * fmax(value[c], 0.0) /
                            (p->rho[of] * p->rho[of]);
             of_axes(b->stress + p->id[of], value, R);
             for (int c = 0; c < 9; c++) Q[c] += pow(near, 4.0) * R[c];
