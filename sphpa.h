@@ -9737,8 +9737,6 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_traverse_(sphpa_sim *sim, int first, int l
     SPHPA_OMP(parallel for schedule(dynamic, 1) if (chunks > 2))
     for (long chunk = 0; chunk < chunks; chunk++) sphpa_shared_chunk_(sim, &shared, (size_t)chunk);
     work->narrow.hold = true;
-    for (int k = first; k < last; k++) /* it moved them */
-        if (sim->pass[k]->writes & SPHPA_F(x)) work->narrow.hold = false;
     uint64_t pairs = 0, targets = 0;
     for (int t = 0; t < work->threads; t++)
         pairs += work->buffer[t].pairs, targets += work->buffer[t].targets;
@@ -9802,8 +9800,11 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_stage_(sphpa_sim *sim, sphpa_stage stage, 
                                         : sphpa_sim_particle_pass_(sim, k, err);
             if (result != SPHPA_OK) return result;
             sphpa_sim_time_(sim, SPHPA_TIME_PASSES + k, since);
-            for (int other = k; other < end; other++)
-                sim->work->touched |= sim->pass[other]->writes | sim->pass[other]->advances;
+            for (int other = k; other < end; other++) {
+                sphpa_mask wrote = sim->pass[other]->writes | sim->pass[other]->advances;
+                sim->work->touched |= wrote;
+                if (wrote & SPHPA_F(x)) sim->work->narrow.hold = false; /* it moved them */
+            }
             for (int other = k + 1; other < end; other++) /* their time is in the first one's */
                 sim->stats.timing[SPHPA_TIME_PASSES + other].calls++;
         }

@@ -568,6 +568,95 @@ static void pair_sums_equal_all_pairs(void **state) {
         }
 }
 
+static void count_balsara(sphpa_sim *sim, void *params, const sphpa_neighbours *near) {
+    (void)params;
+    sim->p.balsara[near->i] += (sphpa_real)1;
+}
+
+/* every third particle's h grows, or moves, between two traversals of one evaluation */
+static sphpa_result grow_some(sphpa_sim *sim, void *params, size_t first, size_t last,
+                              size_t *bad) {
+    (void)bad;
+    for (size_t i = first; i < last; i++)
+        if (i % 3 == 0) sim->p.h[i] = (sphpa_real)((double)sim->p.h[i] * *(const double *)params);
+    return SPHPA_OK;
+}
+
+static sphpa_result shift_some(sphpa_sim *sim, void *params, size_t first, size_t last,
+                               size_t *bad) {
+    (void)params, (void)bad;
+    for (size_t i = first; i < last; i++)
+        if (i % 3 == 0) sim->p.x[3 * i] += (i % 2 ? 0.03 : -0.03) * (double)sim->p.h[i];
+    return SPHPA_OK;
+}
+
+typedef struct place {
+    double x[3];
+} place;
+
+static void place_pack(const sphpa_sim *sim, const void *params, size_t first, size_t last,
+                       void *records) {
+    (void)params;
+    for (size_t i = first; i < last; i++) sphpa_sim_position_(sim, i, ((place *)records)[i].x);
+}
+
+/* omega = sum m W(h_i), of a group: its list need hold no more than what is within the supports */
+static void place_group(sphpa_sim *sim, void *params, const sphpa_group *near) {
+    (void)params;
+    const place *places = (const place *)(const void *)near->records;
+    for (size_t i = near->first; i < near->first + near->count; i++) {
+        double sum = 0.0;
+        for (size_t k = 0; k < near->entries; k++) {
+            size_t j = SPHPA_TREE_ENTRY_INDEX(near->list[k]);
+            const double *centre = near->centre[SPHPA_TREE_ENTRY_IMAGE(near->list[k])];
+            double r2 = 0.0;
+            for (int a = 0; a < sim->p.dim; a++) {
+                double d = places[i].x[a] - near->centre[0][a] - (places[j].x[a] - centre[a]);
+                r2 += d * d;
+            }
+            if (r2 > 0.0)
+                sum += (double)sim->p.m[j] * sphpa_kernel_w(SPHPA_KERNEL_CUBIC, sim->p.dim,
+                                                            sqrt(r2), (double)sim->p.h[i]);
+        }
+        sim->p.omega[i] = (sphpa_real)sum;
+    }
+}
+
+static void lists_follow_what_passes_change(void **state) {
+    (void)state;
+    double grow[3] = {1.04, 1.004, 1.0}; /* beyond what lists without skin allow for, and within */
+    for (int k = 0; k < 3; k++) {
+        sphpa_module module = module_named("changes", &grow[k]);
+        sphpa_mask shape = SPHPA_F(x) | SPHPA_F(m) | SPHPA_F(h);
+        add_pair(&module, "before", SPHPA_STAGE_GRADIENTS, shape, SPHPA_F(balsara), count_balsara);
+        add_pass(&module, "change", SPHPA_STAGE_PRESSURE, shape, k < 2 ? SPHPA_F(h) : SPHPA_F(x))
+            ->particle = k < 2 ? grow_some : shift_some;
+        sphpa_pass *group = add_pair(&module, "group", SPHPA_STAGE_STRESS, shape, SPHPA_F(omega),
+                                     NULL);
+        group->group = place_group;
+        group->pack = place_pack;
+        group->record_bytes = sizeof(place);
+        add_pair(&module, "sum", SPHPA_STAGE_FORCES, shape,
+                 SPHPA_F(P) | SPHPA_F(c) | SPHPA_F(a), sum_pair);
+        add_pair(&module, "count", SPHPA_STAGE_FORCES, shape, SPHPA_F(div_v), count_pair)
+            ->unfiltered = 1;
+        sphpa_scene scene = scene_of(module);
+        sphpa_particles p = random_set(3, 700, 0.17, 3);
+        sphpa_sim_options options = options_of(1e-200);
+        for (int a = 0; a < 3; a++) {
+            options.box.low[a] = -1.0, options.box.high[a] = 1.0;
+            options.box.periodic[a] = 1;
+        }
+        sphpa_sim *sim = sim_of(&scene, &p, &options);
+        sim_steps(sim, 1);
+        compare_with_all_pairs(sim);
+        for (size_t i = 0; i < sim->p.n; i++)
+            assert_near((double)sim->p.omega[i], (double)sim->p.P[i], 40.0 * ROUNDING);
+        sim_drop(sim);
+        sphpa_particles_free(&p);
+    }
+}
+
 /* h breathes, so that supports outgrow their lists */
 static sphpa_result breathe(sphpa_sim *sim, void *params, size_t first, size_t last, size_t *bad) {
     (void)params, (void)bad;
@@ -660,6 +749,85 @@ static void the_skin_changes_nothing(void **state) {
             }
         }
     for (int s = 0; s < 3; s++) sim_drop(sim[s]);
+}
+
+/* ---- records that serve two passes ----------------------------------------------------------- */
+
+typedef struct kick_record {
+    double x[3], v, kick;
+} kick_record;
+
+static int repacked; /* runs of repack */
+
+static void kick_repack(const sphpa_sim *sim, const void *params, size_t first, size_t last,
+                        void *records) {
+    (void)params;
+    SPHPA_OMP(atomic)
+    repacked++;
+    for (size_t i = first; i < last; i++)
+        ((kick_record *)records)[i].kick = (double)sim->p.a[3 * i];
+}
+
+static void kick_pack(const sphpa_sim *sim, const void *params, size_t first, size_t last,
+                      void *records) {
+    kick_repack(sim, params, first, last, records);
+    SPHPA_OMP(atomic)
+    repacked--;
+    for (size_t i = first; i < last; i++) {
+        sphpa_sim_position_(sim, i, ((kick_record *)records)[i].x);
+        ((kick_record *)records)[i].v = (double)sim->p.v[3 * i];
+    }
+}
+
+static void kick_force(sphpa_sim *sim, void *params, const sphpa_neighbours *near) {
+    (void)params;
+    sim->p.a[3 * near->i] += (sphpa_real)(0.1 * (double)near->count);
+}
+
+/* c = sum over neighbours of v + a, as the records have them and as the fields do: the difference */
+static void kick_check(sphpa_sim *sim, void *params, const sphpa_neighbours *near) {
+    (void)params;
+    const kick_record *records = (const kick_record *)(const void *)near->records;
+    double wrong = 0.0;
+    for (size_t k = 0; k < near->count; k++) {
+        size_t j = near->j[k];
+        wrong += fabs(records[j].v - (double)sim->p.v[3 * j]) +
+                 fabs(records[j].kick - (double)sim->p.a[3 * j]);
+    }
+    sim->p.c[near->i] += (sphpa_real)wrong;
+}
+
+static sphpa_result change_v(sphpa_sim *sim, void *params, size_t first, size_t last, size_t *bad) {
+    (void)params, (void)bad;
+    for (size_t i = first; i < last; i++) sim->p.v[3 * i] *= (sphpa_real)1.5;
+    return SPHPA_OK;
+}
+
+static void records_serve_while_they_are_true(void **state) {
+    (void)state;
+    for (int changed = 0; changed < 2; changed++) {
+        sphpa_module module = module_named("kick", NULL);
+        sphpa_mask reads = SPHPA_F(x) | SPHPA_F(h) | SPHPA_F(v);
+        sphpa_pass *force = add_pair(&module, "force", SPHPA_STAGE_FORCES, reads, SPHPA_F(a),
+                                     kick_force);
+        if (changed)
+            add_pass(&module, "change", SPHPA_STAGE_ENERGY, 0, SPHPA_F(v))->particle = change_v;
+        sphpa_pass *check = add_pair(&module, "check", SPHPA_STAGE_ENERGY, reads | SPHPA_F(a),
+                                     SPHPA_F(c), kick_check);
+        force->pack = check->pack = kick_pack;
+        check->repack = kick_repack;
+        force->record_bytes = check->record_bytes = sizeof(kick_record);
+        sphpa_scene scene = scene_of(module);
+        sphpa_particles p = random_set(2, 600, 0.06, 4);
+        sphpa_sim_options options = options_of(1e-3);
+        sphpa_sim *sim = sim_of(&scene, &p, &options);
+        repacked = 0;
+        sim_steps(sim, 5);
+        assert_true(changed ? repacked == 0 : repacked >= 5);
+        for (size_t i = 0; i < sim->p.n; i++) assert_true(sim->p.c[i] == (sphpa_real)0);
+        sim_drop(sim);
+        sphpa_particles_free(&p);
+    }
 }
 
 /* ---- passes that share a traversal ----------------------------------------------------------- */
@@ -873,11 +1041,6 @@ static void two_that_meet_find_each_other(void **state) {
 static void count_omega(sphpa_sim *sim, void *params, const sphpa_neighbours *near) {
     (void)params;
     sim->p.omega[near->i] += (sphpa_real)1;
-}
-
-static void count_balsara(sphpa_sim *sim, void *params, const sphpa_neighbours *near) {
-    (void)params;
-    sim->p.balsara[near->i] += (sphpa_real)1;
 }
 
 static void only_marked_passes_run_at_commit(void **state) {
@@ -1713,6 +1876,8 @@ int main(void) {
         cmocka_unit_test(particles_go_round_the_box),
         cmocka_unit_test(pair_sums_equal_all_pairs),
         cmocka_unit_test(the_skin_changes_nothing),
+        cmocka_unit_test(lists_follow_what_passes_change),
+        cmocka_unit_test(records_serve_while_they_are_true),
         cmocka_unit_test(shared_traversals_give_the_same_bits),
         cmocka_unit_test(hazards_keep_passes_apart),
         cmocka_unit_test(pairs_at_commit_have_their_neighbours),
