@@ -239,6 +239,36 @@ static void density_and_h_solve_their_equation(void **state) {
         }
 }
 
+/* the default ends the search with a change of h by less than 3e-4 that no new sum has seen: rho is
+   off by the square of that times rho's curvature in h, some ten */
+static void the_default_search_for_h_ends_near_enough(void **state) {
+    (void)state;
+    double worst = 0.0;
+    for (int k = 0; k < (int)SPHPA_KERNEL_COUNT; k++) {
+        if (k == (int)SPHPA_KERNEL_GAUSSIAN) continue; /* its sums jump */
+        gas_scene *g[2];
+        for (int fine = 0; fine < 2; fine++) {
+            g[fine] = gas_mess(3, 11, 9);
+            g[fine]->options.kernel = (sphpa_kernel)k;
+            g[fine]->params.h_tol = fine ? 1e-12 : 0.0;
+            for (size_t i = 0; i < g[fine]->p.n; i++) /* guesses of all sizes */
+                g[fine]->p.h[i] *= (sphpa_real)(1.0 + 1e-4 * ((double)(i % 601) - 300.0));
+            gas_start(g[fine]);
+            assert_int_equal(sphpa_sim_refresh(&g[fine]->sim, NULL), SPHPA_OK);
+        }
+        for (size_t i = 0; i < g[0]->sim.p.n; i++) {
+            size_t j = i;
+            assert_int_equal(g[0]->sim.p.id[i], g[1]->sim.p.id[j]);
+            double off = fabs(g[0]->sim.p.rho[i] / g[1]->sim.p.rho[j] - 1.0);
+            worst = fmax(worst, off);
+            assert_near_abs(off, 0.0, 1e-6);
+        }
+        for (int fine = 0; fine < 2; fine++) gas_free(g[fine]);
+    }
+    printf("# rho with the default h_tol is off by %.1e at most\n", worst);
+    assert_true(worst > 1e-12); /* it is the default that was looked at */
+}
+
 static void h_max_keeps_lone_particles_alone(void **state) {
     (void)state;
     gas_scene *g = gas_new(3, 1.4, 0.0, 1.0);
@@ -898,6 +928,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(sod_converges_to_the_exact_solution),
         cmocka_unit_test(density_and_h_solve_their_equation),
+        cmocka_unit_test(the_default_search_for_h_ends_near_enough),
         cmocka_unit_test(h_max_keeps_lone_particles_alone),
         cmocka_unit_test(sums_are_conserved_where_h_varies),
         cmocka_unit_test(forces_are_the_gradient_of_the_energy),
