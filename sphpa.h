@@ -8957,7 +8957,7 @@ struct sphpa_work {
     double shift[SPHPA_TREE_IMAGES][3]; /* [m] of the images */
     double *support;            /* (n) for the tree */
     double moved_max;           /* [m] farthest that a particle moved since the lists were built */
-    bool lists_valid;
+    bool lists_valid, moved; /* moved: moved_max is of other positions */
     int set_up;         /* modules whose setup was called */
     char *records;      /* packed records of the passes that share a traversal */
     size_t records_bytes;
@@ -9301,12 +9301,10 @@ SPHPA_PRIVATE_ double sphpa_sim_reach_(const sphpa_sim *sim, size_t i) {
            sim->work->moved_max;
 }
 
-/* moved_max, and whether the lists still hold every pair within the supports */
-SPHPA_PRIVATE_ bool sphpa_sim_lists_hold_(sphpa_sim *sim) {
+/* moved_max */
+SPHPA_PRIVATE_ void sphpa_sim_movement_(sphpa_sim *sim) {
     struct sphpa_work *work = sim->work;
-    if (!work->lists_valid) return false;
     long blocks = (long)sphpa_blocks_(sim->p.n);
-    double support = sphpa_kernel_support(sim->options.kernel);
     SPHPA_OMP(parallel for schedule(static) if (blocks > SPHPA_LIGHT_))
     for (long block = 0; block < blocks; block++) {
         double most = 0.0;
@@ -9318,6 +9316,16 @@ SPHPA_PRIVATE_ bool sphpa_sim_lists_hold_(sphpa_sim *sim) {
     work->moved_max = 0.0;
     for (long block = 0; block < blocks; block++)
         work->moved_max = sphpa_max_(work->moved_max, work->block_sum[block]);
+}
+
+/* whether the lists still hold every pair within the supports */
+SPHPA_PRIVATE_ bool sphpa_sim_lists_hold_(sphpa_sim *sim) {
+    struct sphpa_work *work = sim->work;
+    if (!work->lists_valid) return false;
+    if (work->moved) sphpa_sim_movement_(sim);
+    work->moved = false;
+    long blocks = (long)sphpa_blocks_(sim->p.n);
+    double support = sphpa_kernel_support(sim->options.kernel);
     SPHPA_OMP(parallel for schedule(static) if (blocks > SPHPA_LIGHT_))
     for (long block = 0; block < blocks; block++) {
         bool hold = true;
@@ -9480,9 +9488,10 @@ SPHPA_PRIVATE_ bool sphpa_sim_inside_(const sphpa_sim *sim, size_t i) {
 
 SPHPA_PRIVATE_ sphpa_result sphpa_sim_neighbours_(sphpa_sim *sim, sphpa_error *err) {
     double since = sphpa_wall_clock();
-    bool hold = sphpa_sim_lists_hold_(sim);
-    sim->work->narrow.hold = false; /* particles have moved */
+    sim->work->moved = true;
+    sim->work->narrow.hold = false;
     sim->work->packed = NULL;
+    bool hold = sphpa_sim_lists_hold_(sim);
     sim->stats.timing[SPHPA_TIME_LISTS].seconds += sphpa_wall_clock() - since;
     if (hold) return SPHPA_OK;
     sphpa_result result = sphpa_sim_rebuild_(sim, err);
@@ -9803,7 +9812,9 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_stage_(sphpa_sim *sim, sphpa_stage stage, 
             for (int other = k; other < end; other++) {
                 sphpa_mask wrote = sim->pass[other]->writes | sim->pass[other]->advances;
                 sim->work->touched |= wrote;
-                if (wrote & SPHPA_F(x)) sim->work->narrow.hold = false; /* it moved them */
+                if ((wrote & SPHPA_F(x)) == 0) continue; /* it moved them */
+                sim->work->narrow.hold = false;
+                sim->work->moved = true;
             }
             for (int other = k + 1; other < end; other++) /* their time is in the first one's */
                 sim->stats.timing[SPHPA_TIME_PASSES + other].calls++;
