@@ -1563,7 +1563,8 @@ typedef struct sphpa_pass {
     void (*pack)(const struct sphpa_sim *sim, const void *params, size_t first, size_t last,
                  void *records);
     /* the same where an earlier pass's pack(), of this function and these parameters, has left its
-       records, and since then nothing changed but a, mu_max, div_v and du: writes what follows them */
+       records, and since then no field changed but a, mu_max, div_v and du: writes what follows
+       them. Columns are not looked at: a pack() that reads one has no repack(). */
     void (*repack)(const struct sphpa_sim *sim, const void *params, size_t first, size_t last,
                    void *records);
     /* particles [first, last); on failure *bad is the particle that failed */
@@ -1623,6 +1624,8 @@ typedef enum sphpa_integrator {
 typedef struct sphpa_sim_options {
     double cfl;       /* [1] of the Courant limit; 0 means 0.3 */
     double force_cfl; /* [1] of the limit sqrt(h/|a|); 0 means 0.2 */
+    double flight;    /* [1] of the limit h over the speed against the flow of all, which keeps
+                         bodies from flying through each other (gas, solid); 0 means 0.5 */
     double dt_max;    /* [s] no step is longer; 0 means no such limit */
     double dt_min;    /* [s] a shorter step is an error; 0 means 1e-6 of the first step */
     double dt_growth; /* [1] a step to the one before, at most; 0 means 1.25 */
@@ -8958,6 +8961,7 @@ struct sphpa_work {
     double *support;            /* (n) for the tree */
     double moved_max;           /* [m] farthest that a particle moved since the lists were built */
     bool lists_valid, moved; /* moved: moved_max is of other positions */
+    bool unsure;             /* a pass wrote x or h since it was asked whether the lists hold */
     int set_up;         /* modules whose setup was called */
     char *records;      /* packed records of the passes that share a traversal */
     size_t records_bytes;
@@ -9323,7 +9327,7 @@ SPHPA_PRIVATE_ bool sphpa_sim_lists_hold_(sphpa_sim *sim) {
     struct sphpa_work *work = sim->work;
     if (!work->lists_valid) return false;
     if (work->moved) sphpa_sim_movement_(sim);
-    work->moved = false;
+    work->moved = work->unsure = false;
     long blocks = (long)sphpa_blocks_(sim->p.n);
     double support = sphpa_kernel_support(sim->options.kernel);
     SPHPA_OMP(parallel for schedule(static) if (blocks > SPHPA_LIGHT_))
@@ -9738,7 +9742,10 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_traverse_(sphpa_sim *sim, int first, int l
     shared.one_by_one = false;
     for (int k = first; k < last; k++)
         shared.one_by_one = shared.one_by_one || sim->pass[k]->pair != NULL;
-    sphpa_result result = sphpa_shared_pack_(sim, &shared, err);
+    sphpa_result result = SPHPA_OK;
+    if (work->unsure && work->moved) sphpa_sim_wrap_(sim);
+    if (work->unsure && !sphpa_sim_lists_hold_(sim)) result = sphpa_sim_neighbours_(sim, err);
+    if (result == SPHPA_OK) result = sphpa_shared_pack_(sim, &shared, err);
     if (result != SPHPA_OK) return result;
     sphpa_narrow_begin_(sim, shared.one_by_one);
     for (int t = 0; t < work->threads; t++) work->buffer[t].pairs = work->buffer[t].targets = 0;
@@ -9812,6 +9819,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_stage_(sphpa_sim *sim, sphpa_stage stage, 
             for (int other = k; other < end; other++) {
                 sphpa_mask wrote = sim->pass[other]->writes | sim->pass[other]->advances;
                 sim->work->touched |= wrote;
+                if (wrote & (SPHPA_F(x) | SPHPA_F(h))) sim->work->unsure = true;
                 if ((wrote & SPHPA_F(x)) == 0) continue; /* it moved them */
                 sim->work->narrow.hold = false;
                 sim->work->moved = true;
@@ -10344,12 +10352,13 @@ SPHPA_PRIVATE_ sphpa_result sphpa_materials_check_(const sphpa_sim *sim, const c
 
 /* what is 0 becomes the default */
 SPHPA_PRIVATE_ sphpa_result sphpa_sim_defaults_(sphpa_sim_options *options, sphpa_error *err) {
-    const sphpa_number_ all[7] = {
+    const sphpa_number_ all[8] = {
         {"cfl", options->cfl},       {"force_cfl", options->force_cfl},
+        {"flight", options->flight},
         {"dt_max", options->dt_max}, {"dt_min", options->dt_min},
         {"skin", options->skin},     {"dt_growth", options->dt_growth},
         {"dt_fixed", options->dt_fixed}};
-    sphpa_result result = sphpa_numbers_check_("option", all, 7, err);
+    sphpa_result result = sphpa_numbers_check_("option", all, 8, err);
     if (result != SPHPA_OK) return result;
     if ((int)options->kernel < 0 || options->kernel >= SPHPA_KERNEL_COUNT)
         return sphpa_error_set(err, SPHPA_ERROR_UNKNOWN, "kernel %d; there are 0 to %d",
@@ -10359,6 +10368,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_defaults_(sphpa_sim_options *options, sphp
                                (int)options->integrator);
     if (options->cfl == 0.0) options->cfl = 0.3;
     if (options->force_cfl == 0.0) options->force_cfl = 0.2;
+    if (options->flight == 0.0) options->flight = 0.5;
     if (options->dt_growth == 0.0) options->dt_growth = 1.25;
     if (options->skin == 0.0) options->skin = 0.2;
     return SPHPA_OK;
@@ -10586,13 +10596,20 @@ SPHPA_PRIVATE_ void sphpa_report_fields_(const sphpa_sim *sim, sphpa_text_ *out)
         sphpa_text_add_(out, "%-14s %4zu (column)\n", sim->p.column[k].name,
                         (size_t)sim->p.column[k].components * sizeof(double));
     double n = (double)sim->p.n;
-    size_t lists = sphpa_tree_lists_bytes(&sim->lists);
+    const struct sphpa_work *work = sim->work;
+    const sphpa_narrow_ *narrow = &work->narrow;
+    size_t lists = sphpa_tree_lists_bytes(&sim->lists) +
+                   (narrow->capacity + narrow->first_capacity + narrow->count_capacity) *
+                       sizeof(uint32_t);
     sphpa_text_add_(out, "%-14s %4zu\n", "all fields", sphpa_particles_bytes_each(&sim->p));
     sphpa_text_add_(out, "%-14s %4.0f (scratch)\n", "tree",
                     (double)sphpa_tree_bytes(&sim->tree) / n);
     sphpa_text_add_(out, "%-14s %4.0f (scratch)\n", "lists", (double)lists / n);
     sphpa_text_add_(out, "%-14s %4.0f (scratch)\n", "pair records",
-                    (double)sim->work->records_bytes / n + 40.0);
+                    (double)work->records_bytes / n + 40.0);
+    if (work->kept_bytes > 0)
+        sphpa_text_add_(out, "%-14s %4.0f (scratch)\n", "kept by output",
+                        (double)work->kept_bytes / n);
 }
 
 SPHPA_DEF size_t sphpa_sim_report(const sphpa_sim *sim, char *text, size_t size) {
@@ -10714,9 +10731,7 @@ SPHPA_PRIVATE_ double sphpa_courant_(const sphpa_sim *sim, const sphpa_viscosity
     return sim->options.cfl * (double)sim->p.h[i] / (c + 1.2 * (a * c + b * mu) + 1e-300);
 }
 
-#define SPHPA_FLIGHT_ 0.5 /* [h] */
-
-/* [s] the step in which a particle moves by SPHPA_FLIGHT_ h against the flow of all: what comes
+/* [s] the step in which a particle moves by a share of h against the flow of all: what comes
    from beyond its support must be met before it is flown through, and no other limit knows of it */
 SPHPA_PRIVATE_ double sphpa_flight_(const sphpa_sim *sim, const void *params, size_t i) {
     const struct sphpa_work *work = sim->work;
@@ -10727,7 +10742,7 @@ SPHPA_PRIVATE_ double sphpa_flight_(const sphpa_sim *sim, const void *params, si
                    work->flow_H * (sim->p.x[3 * i + a] - work->flow_x[a]);
         w2 += w * w;
     }
-    return SPHPA_FLIGHT_ * (double)sim->p.h[i] / (sqrt(w2) + 1e-300);
+    return sim->options.flight * (double)sim->p.h[i] / (sqrt(w2) + 1e-300);
 }
 
 /* the next pass of a module under construction: a PARTICLE pass until told otherwise */
@@ -14947,7 +14962,7 @@ typedef struct sphpa_restart_ {
     double clock[5];            /* [s] time, dt, dt_next, dt_first, dt_free */
     double means[3];            /* neighbours_mean, u_deficit, u_least */
     double low[3], high[3];     /* [m] of the periodic box */
-    double control[7];          /* cfl, force_cfl, dt_max, dt_min, dt_growth, dt_fixed, skin */
+    double control[8]; /* cfl, force_cfl, dt_max, dt_min, dt_growth, dt_fixed, skin, flight */
     double seconds[SPHPA_TIMINGS];
     uint64_t calls[SPHPA_TIMINGS], limit_steps[SPHPA_LIMITS];
 } sphpa_restart_;
@@ -14971,8 +14986,8 @@ SPHPA_PRIVATE_ void sphpa_restart_of_(const sphpa_sim *sim, sphpa_restart_ *r) {
     r->ids[1] = s->u_id;
     uint64_t counts[4] = {s->steps, s->evaluations, s->rebuilds, s->u_below};
     double clock[5] = {sim->time, sim->dt, sim->dt_next, sim->dt_first, sim->dt_free};
-    double control[7] = {o->cfl,       o->force_cfl, o->dt_max, o->dt_min,
-                         o->dt_growth, o->dt_fixed,  o->skin};
+    double control[8] = {o->cfl,       o->force_cfl, o->dt_max, o->dt_min,
+                         o->dt_growth, o->dt_fixed,  o->skin,   o->flight};
     memcpy(r->counts, counts, sizeof counts);
     memcpy(r->clock, clock, sizeof clock);
     memcpy(r->control, control, sizeof control);
@@ -15003,7 +15018,7 @@ SPHPA_PRIVATE_ void sphpa_h5_restart_(sphpa_h5_ *h5, hid_t at, sphpa_restart_ *r
     sphpa_h5_numbers_(h5, at, "time, dt, next, first, free", real, 5, r->clock);
     sphpa_h5_numbers_(h5, at, "steps, evaluations, rebuilds, u below 0", u64, 4, r->counts);
     sphpa_h5_numbers_(h5, at, "neighbours, deficit of u, least u", real, 3, r->means);
-    sphpa_h5_numbers_(h5, at, "cfl, force_cfl, dt_max, dt_min, dt_growth, dt_fixed, skin", real, 7,
+    sphpa_h5_numbers_(h5, at, "cfl, force_cfl, dt_max, dt_min, dt_growth, dt_fixed, skin, flight", real, 8,
                       r->control);
     sphpa_h5_numbers_(h5, at, "last limit", i32, 1, &r->limit_last);
     sphpa_h5_numbers_(h5, at, "ids of the last limit, of the least u", i64, 2, r->ids);

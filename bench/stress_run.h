@@ -14,11 +14,12 @@
 /* what came of a case; the first two are what is asked for */
 typedef enum stress_verdict {
     STRESS_SURVIVED = 0, /* reached its end: finite, conserved, and right where that is known */
-    STRESS_STOPPED,      /* the library ended it, with a message */
+    STRESS_STOPPED,      /* the library ended it, as it must, with a message */
     STRESS_WRONG,        /* reached its end, but the answer is further off than the case allows */
     STRESS_DRIFTS,       /* reached its end, but mass, momentum or energy did not last */
     STRESS_NOT_FINITE,   /* went on with a NaN, an infinity or a value out of its range */
     STRESS_TOO_SLOW,     /* ran into the limit of steps or of time */
+    STRESS_GAVE_UP,      /* ended with a message, where there is nothing to stop for */
     STRESS_UNCLEAR,      /* ended with no message, or one that tells nothing */
     STRESS_HUNG,         /* did not answer and was killed */
     STRESS_CRASHED,      /* ended by a signal, an assert or exit */
@@ -26,7 +27,7 @@ typedef enum stress_verdict {
 } stress_verdict;
 
 static const char *const stress_verdict_name[STRESS_VERDICTS] = {
-    "survived", "stopped", "WRONG", "DRIFTS", "NOT FINITE", "TOO SLOW", "UNCLEAR", "HUNG",
+    "survived", "stopped", "WRONG", "DRIFTS", "NOT FINITE", "TOO SLOW", "GAVE UP", "UNCLEAR", "HUNG",
     "CRASHED"};
 
 /* A row of the table. A child process sends it through a pipe, so it holds no pointers. */
@@ -241,8 +242,8 @@ static bool stress_go(stress_world *w, stress_row *row, double t_end) {
 
 /* the last word on a row that reached its end */
 static void stress_judge(const stress_case *c, stress_row *row) {
-    if (row->verdict == STRESS_STOPPED && c->must_say != NULL &&
-        strstr(row->message, c->must_say) == NULL)
+    if (row->verdict == STRESS_STOPPED && c->must_say == NULL) row->verdict = STRESS_GAVE_UP;
+    if (row->verdict == STRESS_STOPPED && strstr(row->message, c->must_say) == NULL)
         row->verdict = STRESS_UNCLEAR; /* what is to be cured it does not say */
     if (row->verdict != STRESS_SURVIVED) return;
     if (c->must_say != NULL) {

@@ -584,9 +584,10 @@ static sphpa_result grow_some(sphpa_sim *sim, void *params, size_t first, size_t
 
 static sphpa_result shift_some(sphpa_sim *sim, void *params, size_t first, size_t last,
                                size_t *bad) {
-    (void)params, (void)bad;
+    const double share = *(const double *)params;
+    (void)bad;
     for (size_t i = first; i < last; i++)
-        if (i % 3 == 0) sim->p.x[3 * i] += (i % 2 ? 0.03 : -0.03) * (double)sim->p.h[i];
+        if (i % 3 == 0) sim->p.x[3 * i] += (i % 2 ? share : -share) * (double)sim->p.h[i];
     return SPHPA_OK;
 }
 
@@ -624,13 +625,14 @@ static void place_group(sphpa_sim *sim, void *params, const sphpa_group *near) {
 
 static void lists_follow_what_passes_change(void **state) {
     (void)state;
-    double grow[3] = {1.04, 1.004, 1.0}; /* beyond what lists without skin allow for, and within */
-    for (int k = 0; k < 3; k++) {
+    /* beyond what the skin allows for, beyond what lists without it do, and within; x moves; farther */
+    double grow[5] = {1.4, 1.04, 1.004, 0.03, 0.5};
+    for (int k = 0; k < 5; k++) {
         sphpa_module module = module_named("changes", &grow[k]);
         sphpa_mask shape = SPHPA_F(x) | SPHPA_F(m) | SPHPA_F(h);
         add_pair(&module, "before", SPHPA_STAGE_GRADIENTS, shape, SPHPA_F(balsara), count_balsara);
-        add_pass(&module, "change", SPHPA_STAGE_PRESSURE, shape, k < 2 ? SPHPA_F(h) : SPHPA_F(x))
-            ->particle = k < 2 ? grow_some : shift_some;
+        add_pass(&module, "change", SPHPA_STAGE_PRESSURE, shape, k < 3 ? SPHPA_F(h) : SPHPA_F(x))
+            ->particle = k < 3 ? grow_some : shift_some;
         sphpa_pass *group = add_pair(&module, "group", SPHPA_STAGE_STRESS, shape, SPHPA_F(omega),
                                      NULL);
         group->group = place_group;
@@ -1506,19 +1508,19 @@ static void a_bad_state_stops_the_run(void **state) {
 
 static void bad_options_are_refused(void **state) {
     (void)state;
-    static const char *const name[7] = {"cfl",       "force_cfl", "dt_max", "dt_min",
-                                        "dt_growth", "dt_fixed",  "skin"};
+    static const char *const name[8] = {"cfl",       "force_cfl", "dt_max", "dt_min",
+                                        "dt_growth", "dt_fixed",  "skin",   "flight"};
     limiter l = {0.1, 0.1, 0};
     sphpa_scene scene = limit_scene(&l);
     static sphpa_sim sim;
     sphpa_error err;
     sphpa_particles p = random_set(2, 20, 0.1, 1);
-    for (int k = 0; k < 7; k++)
+    for (int k = 0; k < 8; k++)
         for (int bad = 0; bad < 3; bad++) {
             sphpa_sim_options options = options_of(0.0);
-            double *const all[7] = {&options.cfl,       &options.force_cfl, &options.dt_max,
+            double *const all[8] = {&options.cfl,       &options.force_cfl, &options.dt_max,
                                     &options.dt_min,    &options.dt_growth, &options.dt_fixed,
-                                    &options.skin};
+                                    &options.skin,      &options.flight};
             *all[k] = bad == 0 ? -0.25 : bad == 1 ? (double)NAN : (double)INFINITY;
             assert_int_equal(sphpa_sim_create(&sim, &scene, &p, &options, &err),
                              bad == 0 ? SPHPA_ERROR_RANGE : SPHPA_ERROR_NOT_FINITE);
