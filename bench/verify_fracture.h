@@ -204,9 +204,7 @@ static inline void rod_rows(verify *v, const rod_case *r, const rod_table *t,
     row = verify_also(run, "rod-strength-exponent");
     row.l1_error = row.linf_error = fabs(rod_slope(t->rate, t->strength) - 1.0 / (r->m + 1.0));
     row.dim = 0;
-    /* strength hardly scatters, but its slope errs by that time of a crack: load goes on and, as
-       the rate is high, so much that 0.3 more is borne at the fastest: log(1.3)/log(8) */
-    if (finest) verify_limit(&row, "l1_error", "<=", 0.13);
+    /* no limit: while a crack takes its time load goes on, and nobody says how much more is borne */
     verify_add(v, row);
     row = verify_also(run, "rod-size");
     row.l1_error = row.linf_error = 0.0;
@@ -398,7 +396,8 @@ static inline double basalt_run(verify *v, const basalt_kind *kind, verify_row *
 }
 
 /* Without Balsara's switch, as published codes are. Where the last crack runs is chance: it may
-   halve the core. So the mean over four seeds of the flaws is judged, and single runs are reported. */
+   halve the core, with finer particles too. Four seeds of the flaws tell how wide that chance is; no
+   limit is set that a halved core would meet as well as a whole one, so all of this is reported. */
 static inline void verify_basalt(verify *v) {
     static const basalt_kind kind[] = {
         {"solid+correction+plastic+cracks", 2500, 0, 0, 0, 1, false},
@@ -422,9 +421,6 @@ static inline void verify_basalt(verify *v) {
     mean.l1_error = fabs(sum / count - 0.31);
     mean.linf_error = sum / count; /* the share itself */
     mean.dim = 0;
-    /* the farther of the published codes, MPM with 24.6 %, is off by 0.064; chance of the flaws is
-       not in it: twice that */
-    verify_limit(&mean, "l1_error", "<=", 0.13);
     verify_add(v, mean);
 }
 

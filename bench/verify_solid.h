@@ -438,10 +438,10 @@ static inline void solid_wave_rows(verify *v, const solid_wave *w, const verify_
     row.l1_error = fabs(speed - 1.0);
     row.linf_error = fabs(speed / lattice - 1.0);
     /* Against (2) only time errors are left. For a leapfrog w dt = 2 sin(w' dt/2), that is
-       (w dt)^2/24, for the midpoint rule (w dt)^2/6; the larger, and 7e-5 of the wave's own
-       steepening, of the size of its strain. */
+       (w dt)^2/24, for the midpoint rule (w dt)^2/6; the larger, and the wave's own steepening, of
+       the size of its strain, 1e-5, times a few for the slopes of the matter's stiffness. */
     double step = 2.0 * solid_pi * solid_wave_c(w) * v->sim->dt_free;
-    if (!w->viscous) verify_limit(&row, "linf_error", "<=", step * step / 6.0 + 7e-5);
+    if (!w->viscous) verify_limit(&row, "linf_error", "<=", step * step / 6.0 + 2e-5);
     verify_add(v, row);
 }
 
@@ -842,10 +842,8 @@ static inline void solid_rings_rows(verify *v, const solid_rings *r, bool judged
     row.l1_error = bounce;
     row.dim = 0;
     row.linf_error = fabs(momentum[0] / mass[0] + momentum[1] / mass[1]) / r->v0;
-    /* they bounce, so they part again, but not faster than they came; and by symmetry
-       each with the same speed, to the rounding of some 1e4 steps (float: 3e-8 each) */
-    verify_limit(&row, "l1_error", ">=", 0.0);
-    verify_limit(&row, "l1_error", "<=", 1.0);
+    /* how much is left nobody says; by symmetry each has the same speed, to the rounding of some 1e4
+       steps (float: 3e-8 each) */
     verify_limit(&row, "linf_error", "<=", sizeof(sphpa_real) == 8 ? 1e-10 : 1e-4);
     verify_add(v, row);
     row = verify_also(run, "rings-closest"); /* pairing: distance of the closest two, in spacings */
