@@ -89,12 +89,14 @@ examples: ## build all examples into build/examples
 	@+$(INNER_MAKE) examples-build
 
 # ---- benchmarks ----
+# what only tells something is asked of the first program alone
+TELLS = $(filter --help -h --version --list,$(ARGS))
 # the states of a small impact, kept: recorded again only where they are missing
 STATES = $(BUILD)/bench/states.txt
 
 bench-eos: ## P-alpha solvers side by side: time, evaluations, errors in build/bench/eos.csv
 	@$(DEPS) bench
-	@+$(INNER_MAKE) $(BUILD)/bench/bench_eos $(if $(filter --help -h --version,$(ARGS)),,$(STATES))
+	@+$(INNER_MAKE) $(BUILD)/bench/bench_eos $(if $(TELLS),,$(STATES))
 	$(BUILD)/bench/bench_eos --states $(STATES) --out $(BUILD)/bench $(ARGS)
 
 stress-eos: ## the P-alpha solvers under stress, 1e7 states judged in long double (two minutes)
@@ -120,7 +122,7 @@ tolerance-impact: ## does a loose tolerance make damage ring? 1e-2 to 1e-14, dou
 bench-sph: ## particles a second and core, gas to porous solid: build/bench/sph.csv (ten minutes)
 	@+$(INNER_MAKE) $(BUILD)/bench/bench_sph_double $(BUILD)/bench/bench_sph_float
 	$(BUILD)/bench/bench_sph_double --out $(BUILD)/bench $(ARGS)
-	$(BUILD)/bench/bench_sph_float --out $(BUILD)/bench --append $(ARGS)
+	$(if $(TELLS),,$(BUILD)/bench/bench_sph_float --out $(BUILD)/bench --append $(ARGS))
 
 leave-out: ## what each kind of scene pays for: bytes, time, program, compile time (four minutes)
 	@+$(INNER_MAKE) leave-out-run
@@ -130,14 +132,14 @@ STRESS = $(BUILD)/bench/stress_sph
 stress-sph: ## what happens at the edge: extreme scenes, double and float: build/stress (six minutes)
 	@+$(INNER_MAKE) $(STRESS)_double $(STRESS)_float
 	$(STRESS)_double --out $(BUILD)/stress --leave rows $(ARGS)
-	$(STRESS)_float --out $(BUILD)/stress --join rows $(ARGS)
+	$(if $(TELLS),,$(STRESS)_float --out $(BUILD)/stress --join rows $(ARGS))
 
 # double and float in one table: the double program leaves its rows for the float one, which counts all
 VERIFY = $(BUILD)/bench/verify
 verify: ## standard problems: how wrong, how long, what is conserved, in build/verify (ARGS=--quick: 4 minutes)
 	@+$(INNER_MAKE) $(VERIFY)_double $(VERIFY)_float
 	$(VERIFY)_double --out $(BUILD)/verify --join $(ARGS)
-	$(if $(filter --help -h --version --list,$(ARGS)),,$(VERIFY)_float --out $(BUILD)/verify --join $(ARGS))
+	$(if $(TELLS),,$(VERIFY)_float --out $(BUILD)/verify --join $(ARGS))
 
 # ---- tests and checks ----
 test: ## build and run the tests, one program a section

@@ -30,7 +30,7 @@
 #include "bench_clock.h"
 #include "bench_scenes.h"
 
-enum { LEAVE_OUT_WINDOWS = 9, LEAVE_OUT_STEPS = 4, LEAVE_OUT_WARM_UP = 40 };
+enum { LEAVE_OUT_WINDOWS = 3, LEAVE_OUT_STEPS = 24, LEAVE_OUT_WARM_UP = 40 };
 
 /* [s] user time of each window, as a median */
 static double leave_out_time(bench_scene *scene) {

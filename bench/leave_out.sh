@@ -6,15 +6,33 @@
 #   OUT             folder for programs and table (build/bench)
 set -eu
 cd "$(dirname "$0")/.."
-rounds=5 particles=30000 usage="leave_out.sh [--rounds N] [--particles N]"
+rounds=5 particles=30000
+number() { # number LOW HIGH OPTION VALUE..: is VALUE a whole number in that range?
+    case ${4-} in
+    '' | *[!0-9]*) ;;
+    *) [ "${#4}" -le 9 ] && [ "$4" -ge "$1" ] && [ "$4" -le "$2" ] && return 0 ;;
+    esac
+    echo "leave_out: $3 ${4-}: give a whole number from $1 to $2" >&2
+    exit 2
+}
 while [ $# -gt 0 ]; do
     case $1 in
-    --rounds) rounds=${2:?--rounds needs a number} && shift ;;
-    --particles) particles=${2:?--particles needs a number} && shift ;;
-    --help) echo "$usage: what each kind of scene pays for [5 rounds, 30000 particles]" && exit 0 ;;
-    *) echo "leave_out.sh: $1 is no option of it; $usage" >&2 && exit 2 ;;
+    --rounds) number 1 1000 "$@" && rounds=$2 ;;
+    --particles) number 1000 10000000 "$@" && particles=$2 ;;
+    --help)
+        cat << END
+leave_out: what each kind of scene pays for
+
+options [default]:
+  --rounds N                   each program runs so often, in turn; medians are shown [$rounds]
+  --particles N                of a scene, 1000 to 10000000 [$particles]
+  --help                       this text
+Writes build/bench/leave_out.csv. In five rounds some four minutes.
+END
+        exit 0 ;;
+    *) echo "leave_out: $1: no such option; --help lists them" >&2 && exit 2 ;;
     esac
-    shift
+    shift 2
 done
 : "${OUT:=build/bench}" "${COMPILE:?run it with make leave-out}" "${LINK:=-lm}"
 scenes='gas elastic solid pumice'
@@ -52,8 +70,9 @@ round=1
 while [ $round -le "$rounds" ]; do
     for scene in $scenes; do
         echo "round $round of $rounds: $scene" >&2
-        echo "alone $("$work/$scene" --particles "$particles")" >> "$work/times"
-        echo "all $("$work/all" --particles "$particles" --scene $scene)" >> "$work/times"
+        alone=$("$work/$scene" --particles "$particles")
+        all=$("$work/all" --particles "$particles" --scene $scene)
+        printf 'alone %s\nall %s\n' "$alone" "$all" >> "$work/times"
     done
     round=$((round + 1))
 done

@@ -292,8 +292,9 @@ static inline void example_parse(int argc, char **argv, const char *about, const
             if (length == strlen(options[o].name) + 2 && strncmp(text, "--", 2) == 0 &&
                 strncmp(text + 2, options[o].name, length - 2) == 0)
                 option = &options[o];
-        if (option == NULL)
-            example_fail(2, "%s: no such option; --help lists them", text);
+        if (option == NULL && strncmp(text, "--", 2) != 0)
+            example_fail(2, "%s: not an option, which all begin with --; --help lists them", text);
+        if (option == NULL) example_fail(2, "%s: no such option; --help lists them", text);
         if (option->kind == EXAMPLE_FLAG) {
             if (equals != NULL) example_fail(2, "%s: --%s takes no value", text, option->name);
             *(int *)option->value = 1;
