@@ -8808,12 +8808,13 @@ SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_lanes_load_(const sphpa_group *near, cons
 SPHPA_FORCE_INLINE_ void sphpa_lanes_own_x_(const sphpa_group *near, size_t stride,
                                             sphpa_lanes_ x[3]) {
     for (int a = 0; a < 3; a++) {
-        x[a] = sphpa_lanes_of_(SPHPA_R(0.0));
+        sphpa_lanes_ own = sphpa_lanes_of_(SPHPA_R(0.0));
         for (size_t l = 0; l < SPHPA_LANES_; l++) {
             const char *at = near->records + sphpa_lanes_particle_(near, l) * stride;
             const double *from = (const double *)(const void *)at;
-            SPHPA_LANE_(x[a], l) = (sphpa_real)(from[a] - near->centre[0][a]);
+            SPHPA_LANE_(own, l) = (sphpa_real)(from[a] - near->centre[0][a]);
         }
+        x[a] = own;
     }
 }
 

@@ -104,7 +104,9 @@ for pair in $compilers; do
             alone "$how, all" "$compiler" "$language" "$flags $everything"
             object "$how, all, static" "$compiler" "$language" "$flags $everything -DSPHPA_STATIC"
         done
-        object "$compiler $language -O2 $threads, all" "$compiler" "$language" "-O2 $threads $everything"
+        for optimised in -O2 -O3; do # other warnings come with what is inlined
+            object "$compiler $language $optimised $threads, all" "$compiler" "$language" "$optimised $threads $everything"
+        done
     done
     object "$compiler $language -O2 -DSPHPA_FLOAT, all" "$compiler" "$language" "-O2 -DSPHPA_FLOAT $everything"
     for vectors in -DSPHPA_NO_VECTORS -march=x86-64-v3; do # other lanes of the pair loops
