@@ -1822,8 +1822,8 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
          time-centred v: with the weights of (2) the heat is that of the particle's own stress,
          sigma':L/rho, also across a jump of rho, and the sum over a pair is the work of (5), so
          total energy is kept to rounding
-     (7) R = -eps max(1, tr C/dim) sigma'/rho^2 in the principal directions under tension, for it
-         must keep up with sigma' C (C is 2 at a flat surface); f = W(r)/W(spacing)
+     (7) R = -eps max(1, n.C n) sigma'/rho^2 in the principal directions n under tension, for it
+         must keep up with sigma' C (our addition); f = W(r)/W(spacing)
    With one grad W for both particles linear momentum is exact; with C angular momentum is not.
    Why w_ij and not the volume m_j/rho_j: (2) must add up to the density that the particles have
    when a steep front has passed. With p = 0 a fourfold jump over three particles ends 20 % too
@@ -11686,18 +11686,18 @@ typedef struct sphpa_solid_record_ {
     sphpa_real R[6];          /* artificial stress over rho^2 */
 } sphpa_solid_record_;
 
-/* [1] by what C makes stress larger, in the mean of directions */
-SPHPA_PRIVATE_ double sphpa_solid_size_(const sphpa_sym3 *C, int dim) {
-    double trace = C->xx + (dim > 1 ? C->yy : 0.0) + (dim > 2 ? C->zz : 0.0);
-    return sphpa_max_(1.0, trace / dim);
-}
-
 /* R of (7): the tensile principal stresses, turned round and scaled */
-SPHPA_PRIVATE_ void sphpa_solid_artificial_(const sphpa_sym3 *sigma, double scale,
-                                            sphpa_real R[6]) {
+SPHPA_PRIVATE_ void sphpa_solid_artificial_(const sphpa_sym3 *sigma, const sphpa_sym3 *C,
+                                            double scale, sphpa_real R[6]) {
     double value[3], axis[3][3];
     static const int row[6] = {0, 1, 2, 0, 1, 0}, column[6] = {0, 1, 2, 1, 2, 2};
     sphpa_sym3_eigen(sigma, value, axis);
+    for (int e = 0; e < 3; e++) { /* as much larger as C makes the stress along this axis */
+        const double *n = axis[e];
+        double along = C->xx * n[0] * n[0] + C->yy * n[1] * n[1] + C->zz * n[2] * n[2] +
+                       2.0 * (C->xy * n[0] * n[1] + C->yz * n[1] * n[2] + C->xz * n[0] * n[2]);
+        value[e] *= sphpa_max_(1.0, along);
+    }
     for (int k = 0; k < 6; k++) {
         double sum = 0.0;
         for (int e = 0; e < 3; e++)
@@ -11724,8 +11724,7 @@ SPHPA_PRIVATE_ void sphpa_solid_pack_one_(const sphpa_sim *sim, const sphpa_soli
     if (p->C != NULL) C = sphpa_sym3_load_(p->C + 6 * i);
     for (int k = 0; k < 6; k++) record->R[k] = SPHPA_R(0.0);
     if (solid->artificial_stress > 0.0)
-        sphpa_solid_artificial_(&sigma, solid->artificial_stress * sphpa_solid_size_(&C, p->dim) /
-                                            (rho * rho), record->R);
+        sphpa_solid_artificial_(&sigma, &C, solid->artificial_stress / (rho * rho), record->R);
     /* C of a particle at a cut knows one side only; pressure acts across, and goes without it */
     double across = p->cut[i] > 0 ? push : 0.0;
     const double A[9] = {per * sigma.xx + across, per * sigma.xy, per * sigma.xz,

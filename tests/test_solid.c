@@ -848,6 +848,18 @@ static void principal(const by_hand *b, size_t i, double value[3]) {
         value[k] = (b->solid->material->damage_in_yield ? 1.0 : whole) * s->l[k] - (P < 0.0 ? whole * P : P);
 }
 
+/* n.C n along the k-th axis */
+static double along_by_hand(const by_hand *b, size_t i, int k) {
+    static const size_t at[9] = {0, 3, 5, 3, 1, 4, 5, 4, 2};
+    const stress_of *s = b->stress + b->p->id[i];
+    double sum = 0.0;
+    if (b->p->C == NULL) return 1.0;
+    for (int a = 0; a < 3; a++)
+        for (int c = 0; c < 3; c++)
+            sum += s->axis[k][a] * (double)b->p->C[6 * i + at[3 * a + c]] * s->axis[k][c];
+    return sum;
+}
+
 /* a neighbour whose part of C is missing: i is whole and it is not, or of another body; but not one
    that leaves while i is not pressed, which does not count at all */
 static int at_a_cut(const by_hand *b, size_t i) {
@@ -911,14 +923,10 @@ static void pair_shared(const by_hand *b, size_t i, size_t j, double Q[9]) {
             double value[3], R[9];
             double near = sphpa_kernel_w(SPHPA_KERNEL_CUBIC, p->dim, r, h) /
                           sphpa_kernel_w(SPHPA_KERNEL_CUBIC, p->dim, h / 1.2, h);
-            double trace = 0.0, size;
-            for (size_t c = 0; c < (size_t)p->dim && p->C != NULL; c++)
-                trace += (double)p->C[6 * of + c];
-            size = fmax(1.0, trace / p->dim);
             principal(b, of, value);
             for (int c = 0; c < 3; c++)
-                value[c] = -solid->artificial_stress * size * fmax(value[c], 0.0) /
-                           (p->rho[of] * p->rho[of]);
+                value[c] = -solid->artificial_stress * fmax(1.0, along_by_hand(b, of, c)) *
+                           fmax(value[c], 0.0) / (p->rho[of] * p->rho[of]);
             of_axes(b->stress + p->id[of], value, R);
             for (int c = 0; c < 9; c++) Q[c] += pow(near, 4.0) * R[c];
         }
