@@ -119,7 +119,7 @@ tolerance-impact: ## does a loose tolerance make damage ring? 1e-2 to 1e-14, dou
 	$(TOLERANCE)_float --out $(BUILD)/bench $(ARGS)
 
 # both precisions, one after the other; the second shows both
-bench-sph: ## particles a second and core, gas to porous solid: build/bench/sph.csv (ten minutes)
+bench-sph: ## particles a second and core, gas to porous solid: build/bench/sph.csv (half an hour; ARGS=--quick: 3 minutes)
 	@+$(INNER_MAKE) $(BUILD)/bench/bench_sph_double $(BUILD)/bench/bench_sph_float
 	$(BUILD)/bench/bench_sph_double --out $(BUILD)/bench $(ARGS)
 	$(if $(TELLS),,$(BUILD)/bench/bench_sph_float --out $(BUILD)/bench --append $(ARGS))
@@ -136,7 +136,7 @@ stress-sph: ## what happens at the edge: extreme scenes, double and float: build
 
 # double and float in one table: the double program leaves its rows for the float one, which counts all
 VERIFY = $(BUILD)/bench/verify
-verify: ## standard problems: how wrong, how long, what is conserved, in build/verify (ARGS=--quick: 4 minutes)
+verify: ## standard problems: how wrong, how long, what is conserved, in build/verify (half an hour; ARGS=--quick: 4 minutes)
 	@+$(INNER_MAKE) $(VERIFY)_double $(VERIFY)_float
 	$(VERIFY)_double --out $(BUILD)/verify --join $(ARGS)
 	$(if $(TELLS),,$(VERIFY)_float --out $(BUILD)/verify --join $(ARGS))

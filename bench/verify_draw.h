@@ -103,9 +103,9 @@ static void verify_tics(verify_script *script, char axis, double low, double hig
     verify_put(script, ")\n");
 }
 
-/* the axes just around the points, with room for the key above */
+/* the axes just around the points, with room above for a key of so many lines */
 static void verify_ranges(const verify *v, const verify_picture *picture, const char *problem,
-                          verify_script *script) {
+                          int lines, verify_script *script) {
     double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {0.0, 0.0};
     for (int k = 0; k < v->row_count; k++) {
         const verify_row *row = &v->rows[k];
@@ -113,10 +113,12 @@ static void verify_ranges(const verify *v, const verify_picture *picture, const 
         double at[2] = {picture->over_neighbours ? row->neighbours : row->cpu_s, row->l1_error};
         for (int a = 0; a < 2; a++) low[a] = fmin(low[a], at[a]), high[a] = fmax(high[a], at[a]);
     }
+    double share = fmin(0.05 * lines + 0.05, 0.5); /* of the height, for the key */
+    double top = high[1] * 1.3 * pow(1.7 * high[1] / low[1], share / (1.0 - share));
     verify_put(script, "set xrange [%g:%g]\nset yrange [%g:%g]\n", low[0] / 1.4, high[0] * 1.4,
-               low[1] / 1.3, high[1] * 1.3 * pow(high[1] / low[1], 0.5));
+               low[1] / 1.3, top);
     verify_tics(script, 'x', low[0] / 1.4, high[0] * 1.4);
-    verify_tics(script, 'y', low[1] / 1.3, high[1] * 1.3 * pow(high[1] / low[1], 0.5));
+    verify_tics(script, 'y', low[1] / 1.3, top);
 }
 
 /* one panel; *index: the block of the data file where its lines begin */
@@ -127,7 +129,7 @@ static void verify_panel(const verify *v, const verify_picture *picture, const c
     char labels[VERIFY_SERIES][128];
     int lines = verify_lines(v, picture, problem, labels);
     verify_put(script, "set title '%s' noenhanced\n", problem);
-    verify_ranges(v, picture, problem, script);
+    verify_ranges(v, picture, problem, lines, script);
     for (int s = 0; s < lines; s++) {
         verify_points(v, picture, problem, labels[s], to);
         verify_put(script, "%s'%s' index %d using 1:2 with linespoints lw 1.6 pt %d ps 0.9 lc rgb "
@@ -164,7 +166,7 @@ static bool verify_draw_one(const verify *v, const verify_picture *picture) {
         verify_panel(v, picture, problem[k], data, file.stream, &index, &script);
     example_close(&file);
     verify_put(&script, "unset multiplot");
-    int width = panels > 3 ? 360 : 420, height = panels > 3 ? 350 : 400;
+    int width = panels > 3 ? 360 : panels > 1 ? 420 : 640, height = panels > 3 ? 350 : 400;
     return example_picture(v->out, picture->name, columns * width + 20, rows * height + 30,
                            script.text);
 }
