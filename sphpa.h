@@ -9428,10 +9428,22 @@ SPHPA_PRIVATE_ double sphpa_sim_skin_(const sphpa_sim *sim) {
     return sphpa_max_(skin, 0.0);
 }
 
+/* why there is no tree or are no lists, in the words of a simulation */
+SPHPA_PRIVATE_ sphpa_result sphpa_sim_unlisted_(const sphpa_sim *sim, sphpa_result result,
+                                                sphpa_error *err) {
+    size_t who = 0;
+    if (result != SPHPA_ERROR_RANGE || sim->p.n > (size_t)1 << SPHPA_TREE_ENTRY_BITS) return result;
+    for (size_t i = 0; i < sim->p.n; i++)
+        if (sim->p.h[i] > sim->p.h[who]) who = i;
+    return sphpa_sim_bad_(sim, who, "the support of this particle reaches over half the periodic "
+                          "box (bound h by h_max, or take more particles or a longer box)",
+                          SPHPA_ERROR_STATE, err);
+}
+
 /* tree, particles in its order, and lists */
 SPHPA_PRIVATE_ sphpa_result sphpa_sim_rebuild_(sphpa_sim *sim, sphpa_error *err) {
     sphpa_result result = sphpa_sim_build_tree_(sim, err);
-    if (result != SPHPA_OK) return result;
+    if (result != SPHPA_OK) return sphpa_sim_unlisted_(sim, result, err);
     double start = sphpa_wall_clock();
     bool sorted = true;
     for (size_t k = 0; k < sim->p.n && sorted; k++) sorted = sim->tree.order[k] == k;
@@ -9441,15 +9453,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_rebuild_(sphpa_sim *sim, sphpa_error *err)
     start = sphpa_wall_clock();
     result = sphpa_tree_lists_build(&sim->tree, sphpa_sim_skin_(sim), SPHPA_LANES_, &sim->lists,
                                     err);
-    if (result == SPHPA_ERROR_RANGE && sim->p.n <= (size_t)1 << SPHPA_TREE_ENTRY_BITS) {
-        size_t who = 0;
-        for (size_t i = 0; i < sim->p.n; i++)
-            if (sim->p.h[i] > sim->p.h[who]) who = i;
-        return sphpa_sim_bad_(sim, who, "the support of this particle reaches over half the "
-                              "periodic box (bound h by h_max, or take more particles or a "
-                              "longer box)", SPHPA_ERROR_STATE, err);
-    }
-    if (result != SPHPA_OK) return result;
+    if (result != SPHPA_OK) return sphpa_sim_unlisted_(sim, result, err);
     size_t longest = 0;
     for (size_t g = 0; g < sim->lists.groups; g++)
         if (sim->lists.count[g] > longest) longest = sim->lists.count[g];

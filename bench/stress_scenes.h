@@ -930,7 +930,7 @@ static const stress_case stress_cases[] = {
     {"lone-solid", "one of basalt", stress_lone, STRESS_LONE_SOLID, 0.0, 1e-6, "place", 1, NULL},
     {"lone-porous", "one with pores", stress_lone, STRESS_LONE_POROUS, 0.0, 1e-6, "place", 1, NULL},
     {"box-heavy-1e2", "one particle of 1e2 masses in gas", stress_box, STRESS_BOX_HEAVY, 1e2, 0.0,
-     "", 0, NULL},
+     "", 0, "half the periodic box"},
     {"box-heavy-1e4", "one of 1e4 masses", stress_box, STRESS_BOX_HEAVY, 1e4, 0.0, "", 1,
      "half the periodic box"},
     {"box-light-1e-4", "one of 1e-4 masses", stress_box, STRESS_BOX_HEAVY, 1e-4, 0.0, "", 1, NULL},
