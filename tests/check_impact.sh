@@ -94,7 +94,7 @@ say "--help lists every option, --version says $version"
 mkdir "$work/empty"
 cd "$work/empty" || exit 1
 refused 2 'no such option' --particels 100
-refused 2 'no such option' particles
+refused 2 'not an option' particles
 refused 2 'not a whole number' --particles many
 refused 2 'not a whole number' --particles 2.5e0
 refused 2 'not a whole number' --particles 1e-3
