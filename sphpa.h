@@ -8632,8 +8632,8 @@ SPHPA_EXTERN_C_BEGIN_
 #endif
 #define SPHPA_BLOCK_ 256 /* particles a block: the unit of parallel loops and of sums */
 #define SPHPA_FEW_ 4     /* so few blocks are done by one thread: starting more costs more */
-#define SPHPA_SLACK_ 1.005 /* h may grow so far before lists without skin are made again */
 #define SPHPA_LIGHT_ 64  /* the same, where a particle takes a few nanoseconds */
+#define SPHPA_SLACK_ 1.005 /* h may grow so far before lists without skin are made again */
 
 /* ---- lanes ----------------------------------------------------------------------------------- */
 
@@ -9615,9 +9615,9 @@ SPHPA_PRIVATE_ sphpa_result sphpa_shared_pack_(sphpa_sim *sim, sphpa_shared_ *sh
     return SPHPA_OK;
 }
 
-/* [m] the largest support of particle i that the lists without their skin allow for */
-SPHPA_FORCE_INLINE_ double sphpa_narrow_reach_(const sphpa_sim *sim, size_t i) {
-    return SPHPA_SLACK_ * sphpa_kernel_support(sim->options.kernel) * sim->work->point[4 * i + 3];
+/* [m] the largest h of particle i that the lists without their skin allow for */
+SPHPA_FORCE_INLINE_ double sphpa_narrow_h_(const sphpa_sim *sim, size_t i) {
+    return SPHPA_SLACK_ * sim->work->point[4 * i + 3];
 }
 
 /* What is within the larger support of a pair, SPHPA_SLACK_ allowed, for one of the group at least.
@@ -10868,7 +10868,7 @@ SPHPA_PRIVATE_ void sphpa_gas_root_begin_(const sphpa_sim *sim, const sphpa_gas_
     root->h = gas->h_max > 0.0 ? sphpa_min_(h, gas->h_max) : h;
     root->low = root->rho = root->drho_dh = 0.0;
     root->high = HUGE_VAL;
-    root->near = sphpa_narrow_reach_(sim, i) / sphpa_kernel_support(sim->options.kernel);
+    root->near = sphpa_narrow_h_(sim, i);
     root->reach = sphpa_sim_reach_(sim, i) / sphpa_kernel_support(sim->options.kernel);
     root->done = false;
 }
@@ -15022,8 +15022,8 @@ SPHPA_PRIVATE_ void sphpa_h5_restart_(sphpa_h5_ *h5, hid_t at, sphpa_restart_ *r
     sphpa_h5_numbers_(h5, at, "time, dt, next, first, free", real, 5, r->clock);
     sphpa_h5_numbers_(h5, at, "steps, evaluations, rebuilds, u below 0", u64, 4, r->counts);
     sphpa_h5_numbers_(h5, at, "neighbours, deficit of u, least u", real, 3, r->means);
-    sphpa_h5_numbers_(h5, at, "cfl, force_cfl, dt_max, dt_min, dt_growth, dt_fixed, skin, flight", real, 8,
-                      r->control);
+    sphpa_h5_numbers_(h5, at, "cfl, force_cfl, dt_max, dt_min, dt_growth, dt_fixed, skin, flight",
+                      real, 8, r->control);
     sphpa_h5_numbers_(h5, at, "last limit", i32, 1, &r->limit_last);
     sphpa_h5_numbers_(h5, at, "ids of the last limit, of the least u", i64, 2, r->ids);
     sphpa_h5_numbers_(h5, at, "seconds", real, (size_t)r->timings, r->seconds);
