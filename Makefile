@@ -38,8 +38,8 @@ INNER_MAKE = $(MAKE) --no-print-directory INNER=1 $(SIDE_BY_SIDE)
 .DELETE_ON_ERROR:
 .SUFFIXES:
 .PHONY: help deps deps-check check test impact impact-full sensitivity movie examples bench-eos \
-        stress-eos path-eos replay-eos tolerance-impact bench-sph leave-out stress-sph verify clean FORCE \
-        tests-build tests-run examples-build leave-out-run
+        stress-eos path-eos replay-eos tolerance-impact bench-sph leave-out stress-sph verify tutorials figures \
+        book clean FORCE tests-build tests-run examples-build leave-out-run tutorials-run
 
 help: ## list these targets (the default)
 	@echo 'make TARGET [VARIABLE=value ..]'
@@ -140,6 +140,35 @@ verify: ## standard problems: how wrong, how long, what is conserved, in build/v
 	@+$(INNER_MAKE) $(VERIFY)_double $(VERIFY)_float
 	$(VERIFY)_double --out $(BUILD)/verify --join $(ARGS)
 	$(if $(TELLS),,$(VERIFY)_float --out $(BUILD)/verify --join $(ARGS))
+
+# ---- the book ----
+CHAPTERS := $(patsubst tutorials/%.md,%,$(sort $(wildcard tutorials/[0-9][0-9]_*.md)))
+# tutorial-08: the chapter whose name begins so
+TUTORIALS := $(foreach name,$(CHAPTERS),tutorial-$(firstword $(subst _, ,$(name))))
+.PHONY: $(TUTORIALS)
+
+tutorials: ## the book's chapters: tangled, built, run, compared with their text (five minutes); tutorial-08: one
+	@$(DEPS) tutorials
+	@rm -f $(CHAPTERS:%=$(BUILD)/tutorials/%.ok)
+	@+$(INNER_MAKE) -k $(CHAPTERS:%=$(BUILD)/tutorials/%.ok) || true
+	@passed=0; bad=; for name in $(CHAPTERS); do \
+	    if [ -f $(BUILD)/tutorials/$$name.ok ]; then passed=$$((passed + 1)); else bad="$$bad $$name"; fi; \
+	done; \
+	[ -z "$$bad" ] || echo "FAILED:$$bad"; \
+	set -- $$bad; echo "chapters: $$passed passed, $$# failed"; \
+	[ $$# -eq 0 ] && [ $$passed -gt 0 ]
+
+$(TUTORIALS):
+	@$(DEPS) tutorials
+	@+$(INNER_MAKE) -B $(BUILD)/tutorials/$(filter $(@:tutorial-%=%)_%,$(CHAPTERS)).ok
+
+figures: ## run the chapters and put their pictures into tutorials/img
+	@$(DEPS) tutorials
+	@+FIGURES=1 $(INNER_MAKE) -B $(CHAPTERS:%=$(BUILD)/tutorials/%.ok)
+
+book: ## the book as a site to read in a browser, without a network: build/book/index.html
+	@$(DEPS) book
+	BUILD=$(BUILD) sh tutorials/book.sh
 
 # ---- tests and checks ----
 test: ## build and run the tests, one program a section
@@ -267,6 +296,12 @@ $(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h) exam
 
 $(BUILD)/tests/test_%: tests/test_%.c sphpa.h $(BUILD)/flags.mk $(wildcard tests/*.h)
 	$(COMPILE) $(TEST_WARNINGS) -Itests $(hdf5_cflags) $(CMOCKA_CFLAGS) $< -o $@ $(LINK_FLAGS) $(hdf5_libs) $(CMOCKA_LIBS) $(LIBS)
+
+# A chapter is done when its .ok is there: the line that its check said. Output is shown in one piece.
+CHAPTER_TOOLS := $(wildcard tutorials/*.awk) tutorials/check.sh
+$(BUILD)/tutorials/%.ok: tutorials/%.md tutorials/answers/%.md sphpa.h $(CHAPTER_TOOLS)
+	@mkdir -p $(@D)
+	@BUILD=$(BUILD) sh tutorials/check.sh $* > $@.new && mv $@.new $@ && cat $@
 
 leave-out-run:
 	OUT=$(BUILD)/bench COMPILE='$(BENCH_COMPILE) $(WARNINGS)' LINK='$(LINK_FLAGS) $(LIBS)' sh bench/leave_out.sh $(ARGS)

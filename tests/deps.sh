@@ -1,9 +1,11 @@
 #!/bin/sh
-# deps.sh impact|test|bench|check: installs what that task needs and the machine lacks.
+# deps.sh impact|test|bench|tutorials|book|check: installs what that task needs and the machine lacks.
 #
 #   impact   a C11 compiler; HDF5 (snapshots), gnuplot (pictures) and OpenMP are optional
 #   test     a C11 compiler and cmocka; HDF5 is optional (its own tests need it)
 #   bench    a C11 compiler; GSL (solvers to compare with), gnuplot, HDF5 and OpenMP are optional
+#   tutorials  a C11 compiler; gnuplot is optional (the chapters' pictures)
+#   book     pandoc
 #   check    everything that `make check` uses: both compilers, sanitizers, the snapshot's readers
 #
 # Says what it does. Installs as root or with a password-less sudo, never asks; without the right
@@ -18,10 +20,12 @@ case $task in
 impact) required='compiler' optional='openmp hdf5 gnuplot' ;;
 test) required='compiler cmocka' optional='openmp hdf5' ;;
 bench) required='compiler' optional='openmp hdf5 gnuplot gsl' ;;
+tutorials) required='compiler' optional='gnuplot' ;;
+book) required='pandoc' optional='' ;;
 check) required='compiler cmocka'
     optional='openmp hdf5 gnuplot gsl gcc g++ clang clang-openmp sanitizers memory-sanitizer nm'
     optional="$optional h5py yt vtk" ;;
-*) echo "usage: $0 impact|test|bench|check" >&2; exit 2 ;;
+*) echo "usage: $0 impact|test|bench|tutorials|book|check" >&2; exit 2 ;;
 esac
 
 # what you leave out on purpose is not missing
@@ -56,7 +60,7 @@ there() {
     hdf5) seen HDF5_FOUND ;;
     cmocka) seen CMOCKA_FOUND ;;
     gsl) seen GSL_FOUND ;;
-    gnuplot) have gnuplot ;;
+    gnuplot | pandoc | linkchecker) have "$1" ;;
     gcc | clang) runs "$1" ;;
     g++) runs g++ -x c++ ;;
     clang-openmp) runs clang -fopenmp ;;
@@ -181,6 +185,7 @@ without() {
     case $1 in
     compiler) echo "a C11 compiler ($CC) is required" ;;
     cmocka) echo "cmocka is required: the tests are written with it" ;;
+    pandoc) echo "pandoc is required: it makes the pages" ;;
     openmp) echo "no OpenMP: everything runs on one thread" ;;
     hdf5) echo "no HDF5: plain text output instead of snapshots; the snapshot's tests are skipped" ;;
     gnuplot) echo "no gnuplot: no pictures" ;;

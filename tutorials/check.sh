@@ -1,0 +1,82 @@
+#!/bin/sh
+# check.sh NAME: tangles, builds and runs chapter NAME (01_kernels) and compares what it prints.
+#
+# BUILD (build), CC (cc), EXTRA_CFLAGS; FIGURES=1: its pictures go to tutorials/img. Says one line when all holds; else what is wrong, with the
+# Markdown line, and exits with 1. Works in BUILD/tutorials/NAME, as a reader would in a folder with
+# nothing but sphpa.h.
+set -u
+: "${BUILD:=build}" "${CC:=cc}" "${EXTRA_CFLAGS:=}"
+name=$1
+chapter=tutorials/$name.md
+folder=$BUILD/tutorials/$name
+out=$folder/$name
+number=${name%%_*}
+[ -f "$chapter" ] || { echo "there is no $chapter" >&2; exit 1; }
+rm -rf "$folder"
+mkdir -p "$folder"
+cp sphpa.h "$folder/" || exit 1
+
+# run TEXT: the sh fences of $1.sh in the folder, output to $1.out; on failure the Markdown line
+run() {
+    {
+        echo "cc() { command $CC $EXTRA_CFLAGS \"\$@\"; }"
+        command -v gnuplot > /dev/null 2>&1 || echo 'gnuplot() { :; }'
+        echo 'trap '\''[ $? = 0 ] || { echo "'"$2"':$at: a command of this fence failed" >&2; exit 1; }'\'' EXIT'
+        echo 'set -e'
+        cat "$1.sh"
+    } > "$1.run"
+    (cd "$folder" && sh "${1##*/}.run") > "$1.out"
+}
+
+# a program that every compiler takes: as C11, without a warning
+strict() {
+    $CC -std=c11 -fsyntax-only -Wall -Wextra -Wpedantic -Wshadow -Wundef -Werror -I. "$1"
+}
+
+# pictures that the text shows must be drawn by the script
+pictures() {
+    command -v gnuplot > /dev/null 2>&1 || return 0
+    sed -n 's/.*](img\/\([^)]*\)).*/\1/p' "$chapter" | while read -r picture; do
+        [ -s "$folder/$picture" ] || echo "$chapter: the text shows img/$picture, which the fences do not draw"
+        [ "$(wc -c < "$folder/$picture")" -lt 150000 ] || echo "$chapter: $picture has 150 kB or more"
+        [ -f "tutorials/img/$picture" ] || echo "$chapter: there is no tutorials/img/$picture: make figures"
+    done
+}
+
+# what every chapter has
+parts() {
+    for part in Exercises 'What the library does more' References; do
+        grep -q "^## $part" "$chapter" || echo "$chapter: no section \"## $part\""
+    done
+    grep -q '](img/' "$chapter" || echo "$chapter: no picture"
+    grep -q "](answers/$name.md)" "$chapter" || echo "$chapter: no link to answers/$name.md"
+    [ "$(grep -c '^## ' "tutorials/answers/$name.md" 2> /dev/null)" = 3 ] ||
+        echo "tutorials/answers/$name.md: must answer three exercises, one under each ##"
+}
+
+now() { # tenths of a second; whole ones where date knows no less
+    tenths=$(date +%s%N)
+    case $tenths in *N) echo "$(date +%s)0" ;; *) echo $((tenths / 100000000)) ;; esac
+}
+fail() { [ -z "$1" ] || echo "$1" >&2; echo "FAILED $chapter" >&2; exit 1; }
+awk -f tutorials/tangle.awk -v out="$out" -v header=sphpa.h "$chapter" || fail ''
+begun=$(now)
+[ -s "$out.c" ] && { strict "$out.c" || fail ''; }
+run "$out" "$chapter" || fail ''
+taken=$(($(now) - begun))
+compared=$(awk -f tutorials/compare.awk -v chapter="$chapter" "$out.expect" "$out.prose" "$out.c" "$out.sh" \
+    "$out.out") || fail ''
+if [ -n "${FIGURES:-}" ]; then cp "$folder/$number"_*.svg "$folder/$number"_*.png tutorials/img/ 2> /dev/null; fi
+wrong=$(parts; pictures)
+[ -z "$wrong" ] || fail "$wrong"
+
+# the answers use the chapter's program, by sh and output fences of their own
+answers=$folder/answers
+awk -f tutorials/tangle.awk -v out="$answers" -v header=sphpa.h "tutorials/answers/$name.md" || fail ''
+run "$answers" "tutorials/answers/$name.md" || fail ''
+more=$(awk -f tutorials/compare.awk -v chapter="tutorials/answers/$name.md" "$answers.expect" "$answers.prose" \
+    "$out.c" "$answers.sh" "$answers.out") || fail ''
+all=$(($(now) - begun))
+printf 'ok %s: %s lines, built and run in %s.%s s, with its answers in %s.%s s; %s numbers as in the text\n' \
+    "$chapter" "$(cat "$out.lines")" $((taken / 10)) $((taken % 10)) $((all / 10)) $((all % 10)) \
+    $((compared + more))
