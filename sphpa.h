@@ -4303,11 +4303,13 @@ SPHPA_FORCE_INLINE_ bool sphpa_palpha_at_(sphpa_palpha_eval_ eval, sphpa_crush_w
     return true;
 }
 
+/*[slope-of-F]*/
 /* F' of eq. 4 */
 SPHPA_FORCE_INLINE_ double sphpa_palpha_dF_(const sphpa_palpha_task_ *task,
                                             const sphpa_palpha_point_ *point) {
     return 1.0 - point->slope * (task->rho * point->matrix.d1 - point->P) / point->alpha;
 }
+/*[/]*/
 
 /* a step of this size or less is none: the tolerance, or what rounding leaves of it */
 SPHPA_FORCE_INLINE_ double sphpa_palpha_small_(const sphpa_palpha_task_ *task, double alpha) {
