@@ -95,7 +95,7 @@ function prose(line, number,    rest, n, before, after) {
         after = substr(rest, RSTART + RLENGTH)
         rest = after
         if (before ~ /[A-Za-z_.]/ || after ~ /^[A-Za-z_]/) continue
-        if (n ~ /^(1[89]|20)[0-9][0-9]$/ && line ~ /[A-Z]/) continue
+        if (n ~ /^(1[89]|20)[0-9][0-9]$/) continue
         if (n !~ /[.e]/ && length(n) < 3 && after !~ /^ ?%/) continue
         print number, n, (after ~ /^ ?%/ ? 1 : 0) > (out ".prose")
     }
