@@ -54,17 +54,16 @@ parts() {
         echo "tutorials/answers/$name.md: must answer three exercises, one under each ##"
 }
 
-now() { # tenths of a second; whole ones where date knows no less
-    tenths=$(date +%s%N)
-    case $tenths in *N) echo "$(date +%s)0" ;; *) echo $((tenths / 100000000)) ;; esac
+cpu() { # tenths of a second of all that was run before `times > FILE` (which a subshell would not know)
+    awk 'NR == 2 { gsub(/[ms]/, " "); print int(10 * (60 * $1 + $2 + 60 * $3 + $4)) }' "$folder/times"
 }
 fail() { [ -z "$1" ] || echo "$1" >&2; echo "FAILED $chapter" >&2; exit 1; }
 awk -f tutorials/tangle.awk -v out="$out" -v header=sphpa.h "$chapter" || fail ''
-begun=$(now)
 [ -s "$out.c" ] && { strict "$out.c" || fail ''; }
 run "$out" "$chapter" || fail ''
-taken=$(($(now) - begun))
-compared=$(awk -f tutorials/compare.awk -v chapter="$chapter" "$out.expect" "$out.prose" "$out.c" "$out.sh" \
+times > "$folder/times"
+taken=$(cpu)
+compared=$(awk -f tutorials/compare.awk -v chapter="$chapter" "$out.expect" "$out.prose" "$out.text" "$out.c" "$out.sh" \
     "$out.out") || fail ''
 if [ -n "${FIGURES:-}" ]; then cp "$folder/$number"_*.svg "$folder/$number"_*.png tutorials/img/ 2> /dev/null; fi
 wrong=$(parts; pictures)
@@ -75,8 +74,9 @@ answers=$folder/answers
 awk -f tutorials/tangle.awk -v out="$answers" -v header=sphpa.h "tutorials/answers/$name.md" || fail ''
 run "$answers" "tutorials/answers/$name.md" || fail ''
 more=$(awk -f tutorials/compare.awk -v chapter="tutorials/answers/$name.md" "$answers.expect" "$answers.prose" \
-    "$out.c" "$answers.sh" "$answers.out") || fail ''
-all=$(($(now) - begun))
-printf 'ok %s: %s lines, built and run in %s.%s s, with its answers in %s.%s s; %s numbers as in the text\n' \
+    "$answers.text" "$out.c" "$answers.sh" "$answers.out") || fail ''
+times > "$folder/times"
+all=$(cpu)
+printf 'ok %s: %s lines, %s.%s s of CPU, with its answers %s.%s s; %s numbers as in the text\n' \
     "$chapter" "$(cat "$out.lines")" $((taken / 10)) $((taken % 10)) $((all / 10)) $((all % 10)) \
     $((compared + more))

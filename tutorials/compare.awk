@@ -97,12 +97,16 @@ function check_fence(f,    p, end) {
     return 0
 }
 
-function remember(line, from_output,    a, n, k) {
+function remember(line, from_output,    a, n, k, key) {
     n = split_line(line, a)
     for (k = 2; k <= n; k += 2) {
         if (!from_output && a[k] ~ /^~/) continue
         sub(/^[-+]/, "", a[k])
-        if (!(a[k] in known)) { known[a[k]] = 1; pool[++pooled] = a[k] }
+        key = a[k] (a[k + 1] ~ /^ ?%/ ? "%" : "")
+        if (key in known) continue
+        known[key] = 1
+        pool[++pooled] = a[k]
+        share[pooled] = key ~ /%$/ || a[k] ~ /[.e]/ # a bare 3 is no 3 %
     }
 }
 
@@ -123,6 +127,7 @@ function check_prose(line, number, percent,    value, unit, k, x, digits, expone
         x = pool[k]
         if ((x ~ /^~/) != approximate) continue
         sub(/^~/, "", x)
+        if (percent && !share[k]) continue
         if (close_to(x, value, unit) || (percent && close_to(100 * x, value, unit))) return
     }
     say(line, "the text states " number (percent ? " %" : "") ", which no fence has")

@@ -4,7 +4,7 @@
 #
 # Writes NAME.c (the c fences, named ones where they are pulled in, with #line, so that a compiler's
 # message points at the Markdown line), NAME.gp (gnuplot fences), NAME.sh (sh fences), NAME.expect
-# (output fences) and NAME.prose (numbers that the text states). Fences:
+# (output fences), NAME.text (text fences) and NAME.prose (numbers that the text states). Fences:
 #   ```c                 appended to the program
 #   ```c <<name>>=       a chunk that a line <<name>> of another fence pulls in
 #   ```gnuplot           appended to the picture's script
@@ -81,10 +81,21 @@ function check_quote(k,    n, i) {
         }
 }
 
+# a line without what stands between signs of that kind; one that is left open goes on in the next line
+function without(sign, line,    kept, part, n, k) {
+    n = split(line, part, sign)
+    kept = ""
+    for (k = 1; k <= n; k++) {
+        kept = kept (open[sign] ? " " : part[k])
+        if (k < n) open[sign] = !open[sign]
+    }
+    return kept
+}
+
 # numbers of a line of prose, without formulas, code, links and comments
 function prose(line, number,    rest, n, before, after) {
-    gsub(/`[^`]*`/, " ", line)
-    gsub(/\$[^$]*\$/, " ", line)
+    if (line ~ /^[ \t]*$/) open["`"] = open["[$]"] = 0
+    line = without("[$]", without("`", line))
     gsub(/\]\([^)]*\)/, " ", line)
     gsub(/<!--[^>]*-->/, " ", line)
     gsub(/\((1[89]|20)[0-9][0-9][a-z]?\)/, " ", line)
@@ -109,6 +120,7 @@ BEGIN {
     printf "" > (out ".sh")
     printf "" > (out ".expect")
     printf "" > (out ".prose")
+    printf "" > (out ".text")
 }
 
 /^```/ && !inside {
@@ -142,6 +154,7 @@ inside {
     text[k, ++lines[k]] = $0
     if (kind[k] == "gnuplot") print > (out ".gp")
     if (kind[k] == "sh") print > (out ".sh")
+    if (kind[k] == "text") print > (out ".text")
     if (kind[k] == "output") print "L\t" NR "\t" $0 > (out ".expect")
     next
 }
