@@ -5,7 +5,7 @@
 #   test     a C11 compiler and cmocka; HDF5 is optional (its own tests need it)
 #   bench    a C11 compiler; GSL (solvers to compare with), gnuplot, HDF5 and OpenMP are optional
 #   tutorials  a C11 compiler; gnuplot is optional (the chapters' pictures)
-#   book     pandoc
+#   book     pandoc; a font for formulas is optional
 #   check    everything that `make check` uses: both compilers, sanitizers, the snapshot's readers
 #
 # Says what it does. Installs as root or with a password-less sudo, never asks; without the right
@@ -21,7 +21,7 @@ impact) required='compiler' optional='openmp hdf5 gnuplot' ;;
 test) required='compiler cmocka' optional='openmp hdf5' ;;
 bench) required='compiler' optional='openmp hdf5 gnuplot gsl' ;;
 tutorials) required='compiler' optional='gnuplot' ;;
-book) required='pandoc' optional='' ;;
+book) required='pandoc' optional='math-font' ;;
 check) required='compiler cmocka'
     optional='openmp hdf5 gnuplot gsl gcc g++ clang clang-openmp sanitizers memory-sanitizer nm'
     optional="$optional h5py yt vtk" ;;
@@ -66,6 +66,7 @@ there() {
     clang-openmp) runs clang -fopenmp ;;
     sanitizers) runs gcc -fsanitize=address,undefined || runs clang -fsanitize=address,undefined ;;
     memory-sanitizer) runs clang -fsanitize=memory ;;
+    math-font) find /usr/share /usr/local/share -name latinmodern-math.otf 2> /dev/null | grep -q . ;;
     nm) have nm && have strip ;;
     h5py) module h5py ;;
     yt) module yt ;;
@@ -92,6 +93,7 @@ packages() {
     apt-get:cmocka) echo libcmocka-dev ;;
     apt-get:gnuplot) echo gnuplot-nox ;;
     apt-get:gsl) echo libgsl-dev ;;
+    apt-get:math-font) echo fonts-lmodern ;;
     apt-get:clang-openmp) echo libomp-dev ;;
     apt-get:sanitizers) echo gcc libclang-rt-dev ;;
     apt-get:memory-sanitizer) echo clang libclang-rt-dev ;;
@@ -105,6 +107,7 @@ packages() {
     dnf:hdf5) echo hdf5-devel ;;
     dnf:cmocka) echo libcmocka-devel ;;
     dnf:gsl) echo gsl-devel ;;
+    dnf:math-font) echo texlive-lm-math ;;
     dnf:clang-openmp) echo libomp-devel ;;
     dnf:sanitizers) echo libasan libubsan ;;
     dnf:memory-sanitizer) echo clang compiler-rt ;;
@@ -115,6 +118,7 @@ packages() {
     pacman:compiler | pacman:gcc | pacman:g++ | pacman:openmp | pacman:sanitizers) echo gcc ;;
     pacman:clang-openmp) echo openmp ;;
     pacman:memory-sanitizer) echo clang compiler-rt ;;
+    pacman:math-font) echo otf-latinmodern-math ;;
     pacman:nm) echo binutils ;;
     pacman:h5py) echo python-h5py ;;
     pacman:yt) echo python-yt ;;
@@ -123,6 +127,7 @@ packages() {
     brew:openmp | brew:clang-openmp) echo libomp ;;
     brew:gcc | brew:g++) echo gcc ;;
     brew:h5py | brew:yt) : ;;
+    brew:math-font) echo font-latin-modern-math ;;
     *) echo "$1" ;;
     esac
 }
@@ -189,6 +194,7 @@ without() {
     openmp) echo "no OpenMP: everything runs on one thread" ;;
     hdf5) echo "no HDF5: plain text output instead of snapshots; the snapshot's tests are skipped" ;;
     gnuplot) echo "no gnuplot: no pictures" ;;
+    math-font) echo "no Latin Modern Math: formulas look as the reader's browser can draw them" ;;
     gsl) echo "no GSL: its root finders are not in the benchmark's tables" ;;
     *) echo "no $1: its checks are skipped" ;;
     esac

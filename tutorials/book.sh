@@ -7,6 +7,8 @@ site=$BUILD/book
 rm -rf "$site"
 mkdir -p "$site/answers"
 cp -r tutorials/img tutorials/style.css "$site/"
+font=$(find /usr/share /usr/local/share -name latinmodern-math.otf 2> /dev/null | head -n 1)
+if [ -n "$font" ]; then cp "$font" "$site/"; fi
 
 title() { sed -n 's/^# //p' "$1" | head -n 1; }
 chapters=$(ls tutorials/[0-9][0-9]_*.md)
@@ -23,7 +25,7 @@ list() { # list TOP HERE: the column of chapters, HERE the page that it stands o
 page() {
     file=$1 out=$2 top=$3
     shift 3
-    pandoc -f gfm+tex_math_dollars+implicit_figures -t html5 --standalone --mathml --highlight-style=tango \
+    pandoc --fail-if-warnings -f gfm+tex_math_dollars+implicit_figures -t html5 --standalone --mathml --highlight-style=tango \
         --lua-filter=tutorials/book.lua --template=tutorials/book.html \
         -V top="$top" -V chapters="$(list "$top" "$(basename "$out" .html)")" --metadata pagetitle="$(title "$file")" \
         "$@" "$file" -o "$site/$out"
@@ -55,9 +57,4 @@ while read -r page link; do
     elif [ -n "$anchor" ] && ! grep -q "id=\"${anchor#\#}\"" "$file"; then echo "no such place in $page: $link" >&2; dead=1; fi
 done
 exit "$dead")
-grep -l 'class="math' "$site"/*.html "$site"/answers/*.html > "$site/.raw" || true
-if grep -l '\\frac\|\\alpha\|\$\$' "$site"/*.html | grep -v '^$' > "$site/.raw"; then
-    echo "formulas that pandoc left as they are: $(cat "$site/.raw")" >&2
-fi
-rm -f "$site/.raw"
 echo "book: $pages pages, $(echo "$links" | wc -l | tr -d ' ') links, none dead: $site/index.html"
