@@ -121,7 +121,7 @@ function check_prose(line, number, percent,    value, unit, k, x, digits, expone
         sub(/e.*/, "", mantissa)
     }
     digits = index(mantissa, ".") ? length(mantissa) - index(mantissa, ".") : 0
-    unit = 0.5001 * 10 ^ (exponent - digits)
+    unit = 0.5001 * ("1e" (exponent - digits))
     value = number + 0
     for (k = 1; k <= pooled; k++) {
         x = pool[k]
@@ -130,7 +130,7 @@ function check_prose(line, number, percent,    value, unit, k, x, digits, expone
         if (percent && !share[k]) continue
         if (close_to(x, value, unit) || (percent && close_to(100 * x, value, unit))) return
     }
-    say(line, "the text states " number (percent ? " %" : "") ", which no fence has")
+    say(line, "the text states " (approximate ? "~" : "") number (percent ? " %" : "") ", which no fence has")
 }
 function close_to(x, value, unit) { return x - value <= unit && value - x <= unit }
 
