@@ -907,7 +907,9 @@ SPHPA_DEF double sphpa_yield_limit(const sphpa_yield *y, double P, double u, dou
    (9) D = min(1, D13^3 + D_por)     acts on stress, once: forces and energy use (1-D) S and, in
                                      tension, (1-D) P; what is stored stays undamaged
    At a constant strain rate, (3), (6) and sigma = E eps (1-D) give a strength that grows as the
-   rate to the power 3/(m+3) with the default q (Grady & Kipp's law), 1/(m+1) with the others.
+   rate to the power 3/(m+3) with the default q (Grady & Kipp's law), 1/(m+1) with the others; with
+   (7) only over a few times the rate, between a strength of the flaws alone and one that grows as
+   the rate.
    A NaN that goes in comes out (never as 0 or as "no limit"), so a check of the state finds it.
    References: Weibull 1939 (1); Grady & Kipp 1980 (6); Benz & Asphaug 1994, Icarus 107, and 1995,
    CPC 87 (2 to 7); Jutzi, Benz & Michel 2008, Icarus 198 (8, 9).
@@ -1441,7 +1443,8 @@ SPHPA_DEF void sphpa_particles_free(sphpa_particles *p); /* leaves a zeroed stru
 SPHPA_DEF sphpa_result sphpa_particles_reserve(sphpa_particles *p, size_t capacity,
                                                sphpa_error *err);
 
-/* Adds `count` particles at the end, all fields 0, ids given, and tells the first one's index.
+/* Adds `count` particles at the end, all fields 0, ids given, and tells the first one's index (first
+   may be NULL).
    ERROR_MISSING (a set that was never created), ERROR_MEMORY: all is then as it was. */
 SPHPA_DEF sphpa_result sphpa_particles_add(sphpa_particles *p, size_t count, size_t *first,
                                            sphpa_error *err);
@@ -1485,7 +1488,8 @@ SPHPA_DEF sphpa_result sphpa_particles_check(const sphpa_particles *p, sphpa_err
    In (1), PREDICTOR_CORRECTOR takes a and du of the step before: one evaluation a step. For forces
    that depend on x alone it is the leapfrog (drift-kick-drift). RK2 evaluates at n first. Both are
    of second order, and (4) makes the total energy exact to rounding (Owen 2014, compatible
-   differencing). A pass that advances a field of its own (S, alpha, rho of a solid) starts from
+   differencing). With no viscosity at all the former is weakly unstable where P depends on u: a
+   wave of omega grows by about (omega dt)^4/8 of itself a step. A pass that advances a field of its own (S, alpha, rho of a solid) starts from
    p->start at every evaluation and goes sim->dt_stage ahead, so a trial never compounds.
 
    References: Monaghan 2005 (Rep. Prog. Phys. 68), eqs. 5.1-5.6 (step limits); Owen 2014
@@ -1722,7 +1726,8 @@ SPHPA_DEF void sphpa_sim_free(sphpa_sim *sim);
    went bad or the step fell below its floor; the message tells which particle and its fields. */
 SPHPA_DEF sphpa_result sphpa_sim_step(sphpa_sim *sim, double dt_limit, sphpa_error *err);
 
-/* Derived fields at the present state, for output: density, gradients and pressure are those of
+/* Derived fields at the present state, for output: all but what FORCES and ENERGY write (a, du,
+   mu_max, and a gas's div_v). Density, gradients and pressure are those of
    the positions now, not of the middle of the last step. They are there until the next step,
    settle or checkpoint, which goes on from the ones before: a refresh changes no more than the
    order of the particles. What is integrated stays as it was, to the bit. */
@@ -1772,6 +1777,8 @@ typedef struct sphpa_viscosity {
                    grad W_j)/2 ], with the time-centred v: each pair's work and heat cancel
      (5) conduction (off by default): du_i/dt += sum_j m_j k sqrt(|P_i - P_j|/rho) (u_i - u_j)/rho
          times the gradient's component along the pair, rho the pair's mean
+     (6) Balsara's factor |div|/(|div| + |curl| + 1e-4 c_i/h_i) from sum_j m_j (v_j - v_i) . grad
+         W_i/rho_i and the same with a cross product, without Omega (the field div_v has 1/Omega_i)
    References: Springel & Hernquist 2002, eqs. 12-14; Price 2012 (J. Comput. Phys. 231), eqs. 10,
    30, 35, and 102 for the viscosity; Balsara 1995, eq. 12; Price 2008, eq. 34 (conduction).
    Needs: sph, eos. Read next: examples/sod.c.
@@ -1801,8 +1808,9 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
    v_ij = v_i - v_j, x_ij = x_i - x_j, tension positive: sigma = S - P I, damaged
    sigma' = (1-D) S - (P < 0 ? (1-D) P : P) I. grad W is the mean of both particles' kernels.
      (1) C_i = M_i^-1, M_i = sum_j w_ij (x_j - x_i) outer grad W; blended into I/s_i, s_i = max(1,
-         tr M_i/dim), where det(s_i C_i) passes 5 (a flat surface has 2 in 2-D and 3 in 3-D) or
-         neighbours are fewer than 10 (2-D: 5); the identity without `correction`. w_ij =
+         tr M_i/dim), where det(s_i C_i) goes from 5 to 8 (half a spacing behind a flat surface it is
+         2 in 2-D and 3 in 3-D, on it and in corners 4 and more) or neighbours from 10 to 6 (2-D: 5
+         to 3); the identity without `correction`. w_ij =
          m_j/(rho_i^p rho_j^(1-p)), p = 1/2 with the correction; without it p = 1, but 0 for
          another body's particles
      (2) L_i = [sum_j w_ij (v_j - v_i) outer grad W] C_i; for the continuity from all neighbours,

@@ -395,9 +395,10 @@ static inline double basalt_run(verify *v, const basalt_kind *kind, verify_row *
     return share;
 }
 
-/* Without Balsara's switch, as published codes are. Where the last crack runs is chance: it may
-   halve the core, with finer particles too. Four seeds of the flaws tell how wide that chance is; no
-   limit is set that a halved core would meet as well as a whole one, so all of this is reported. */
+/* Without Balsara's switch, as published codes are. At the default linking length of two spacings the
+   inner core and the shell that spalls off the far side count as one piece or as two, with finer
+   particles too. Four seeds of the flaws tell how wide that is; no limit is set that one of two
+   pieces would meet as well as both, so all of this is reported. */
 static inline void verify_basalt(verify *v) {
     static const basalt_kind kind[] = {
         {"solid+correction+plastic+cracks", 2500, 0, 0, 0, 1, false},
