@@ -164,6 +164,9 @@ $(TUTORIALS):
 	@$(DEPS) tutorials
 	@+$(INNER_MAKE) -B $(BUILD)/tutorials/$(filter $(@:tutorial-%=%)_%,$(CHAPTERS)).ok
 
+tutorial-%:
+	@echo 'there is no chapter $*; there are: $(TUTORIALS)' >&2; exit 2
+
 figures: ## run the chapters and put their pictures into tutorials/img
 	@$(DEPS) tutorials
 	@+FIGURES=1 $(INNER_MAKE) -B $(CHAPTERS:%=$(BUILD)/tutorials/%.ok)
