@@ -9,6 +9,7 @@ function Link(link)
         return link
     end
     if target:match('%.html$') then return link end
+    if target:match('^%.%./sphpa%.h$') then link.target = 'sphpa.h' return link end
     return link.content
 end
 

@@ -6,7 +6,7 @@ set -eu
 site=$BUILD/book
 rm -rf "$site"
 mkdir -p "$site/answers"
-cp -r tutorials/img tutorials/style.css "$site/"
+cp -r tutorials/img tutorials/style.css sphpa.h "$site/"
 font=$(find /usr/share /usr/local/share -name latinmodern-math.otf 2> /dev/null | head -n 1)
 if [ -n "$font" ]; then cp "$font" "$site/"; fi
 
@@ -25,6 +25,7 @@ list() { # list TOP HERE: the column of chapters, HERE the page that it stands o
 page() {
     file=$1 out=$2 top=$3
     shift 3
+    echo "book: $out" >&2
     pandoc --fail-if-warnings -f gfm+tex_math_dollars+implicit_figures -t html5 --standalone --mathml --highlight-style=tango \
         --lua-filter=tutorials/book.lua --template=tutorials/book.html \
         -V top="$top" -V chapters="$(list "$top" "$(basename "$out" .html)")" --metadata pagetitle="$(title "$file")" \

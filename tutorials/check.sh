@@ -57,7 +57,7 @@ parts() {
 cpu() { # tenths of a second of all that was run before `times > FILE` (which a subshell would not know)
     awk 'NR == 2 { gsub(/[ms]/, " "); print int(10 * (60 * $1 + $2 + 60 * $3 + $4)) }' "$folder/times"
 }
-fail() { [ -z "$1" ] || echo "$1" >&2; echo "FAILED $chapter" >&2; exit 1; }
+fail() { [ -z "$1" ] || echo "$1" >&2; echo "FAILED $chapter (what it printed: $folder/*.out)" >&2; exit 1; }
 awk -f tutorials/tangle.awk -v out="$out" -v header=sphpa.h "$chapter" || fail ''
 [ -s "$out.c" ] && { strict "$out.c" || fail ''; }
 run "$out" "$chapter" || fail ''

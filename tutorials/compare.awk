@@ -53,7 +53,7 @@ function differs(want, got, tol,    a, b, n, m, k, x, y) {
         x = a[k] + 0
         y = b[k] + 0
         if (x != y && !((x > y ? x - y : y - x) <= tol * (x < 0 ? -x : x)))
-            return a[k] " is " b[k]
+            return "the text has " a[k] ", printed is " b[k]
     }
     return ""
 }

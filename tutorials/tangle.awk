@@ -9,7 +9,7 @@
 #   ```c <<name>>=       a chunk that a line <<name>> of another fence pulls in
 #   ```gnuplot           appended to the picture's script
 #   ```sh                run by the check, in order
-#   ```output [TOL]      must be printed, in order; numbers within a relative TOL (1e-6)
+#   ```output [TOL]      must be printed, in order; numbers within a relative TOL (1e-9, less than a digit)
 #   ```quote FILE NAME   must equal the text between /*[NAME]*/ and /*[/]*/ in FILE (the header)
 #   ```text              shown, and no more
 # What is wrong is said as FILE:LINE: on stderr, all of it, and the exit status is then 1.
@@ -142,7 +142,7 @@ BEGIN {
         quote_file[fences] = word[2]
         quote_name[fences] = word[3]
     } else if (info ~ /^output( [0-9.e-]+)?$/) {
-        print "F\t" NR "\t" (n > 1 ? word[2] : "1e-6") > (out ".expect")
+        print "F\t" NR "\t" (n > 1 ? word[2] : "1e-9") > (out ".expect")
     } else if (info !~ /^(c|sh|gnuplot|text)$/)
         wrong(NR, "a fence \"" info "\" is none of: c, c <<name>>=, gnuplot, sh, output, quote FILE NAME, text")
     if (kind[fences] == "sh") print "at=" NR > (out ".sh")
