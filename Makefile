@@ -39,7 +39,7 @@ INNER_MAKE = $(MAKE) --no-print-directory INNER=1 $(SIDE_BY_SIDE)
 .SUFFIXES:
 .PHONY: help deps deps-check check test impact impact-full sensitivity movie examples bench-eos \
         stress-eos path-eos replay-eos tolerance-impact bench-sph leave-out stress-sph verify tutorials figures \
-        book clean FORCE tests-build tests-run examples-build leave-out-run tutorials-run
+        book clean FORCE tests-build tests-run examples-build leave-out-run
 
 help: ## list these targets (the default)
 	@echo 'make TARGET [VARIABLE=value ..]'

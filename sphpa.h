@@ -1488,9 +1488,10 @@ SPHPA_DEF sphpa_result sphpa_particles_check(const sphpa_particles *p, sphpa_err
    In (1), PREDICTOR_CORRECTOR takes a and du of the step before: one evaluation a step. For forces
    that depend on x alone it is the leapfrog (drift-kick-drift). RK2 evaluates at n first. Both are
    of second order, and (4) makes the total energy exact to rounding (Owen 2014, compatible
-   differencing). With no viscosity at all the former is weakly unstable where P depends on u: a
-   wave of omega grows by about (omega dt)^4/8 of itself a step. A pass that advances a field of its own (S, alpha, rho of a solid) starts from
-   p->start at every evaluation and goes sim->dt_stage ahead, so a trial never compounds.
+   differencing). With no viscosity at all PREDICTOR_CORRECTOR is weakly unstable where P depends on
+   u: a wave of omega grows by about (omega dt)^4/8 of itself a step. A pass that advances a field
+   of its own (S, alpha, rho of a solid) starts from p->start at every evaluation and goes
+   sim->dt_stage ahead, so a trial never compounds.
 
    References: Monaghan 2005 (Rep. Prog. Phys. 68), eqs. 5.1-5.6 (step limits); Owen 2014
    (Int. J. Numer. Meth. Fluids 75), eqs. 12-15.

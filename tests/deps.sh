@@ -60,7 +60,7 @@ there() {
     hdf5) seen HDF5_FOUND ;;
     cmocka) seen CMOCKA_FOUND ;;
     gsl) seen GSL_FOUND ;;
-    gnuplot | pandoc | linkchecker) have "$1" ;;
+    gnuplot | pandoc) have "$1" ;;
     gcc | clang) runs "$1" ;;
     g++) runs g++ -x c++ ;;
     clang-openmp) runs clang -fopenmp ;;

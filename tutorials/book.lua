@@ -14,9 +14,7 @@ function Link(link)
 end
 
 -- fences: a caption where the first word alone does not tell what they are
-local kinds = {
-    output = 'prints', sh = 'commands', gnuplot = 'gnuplot', quote = 'from sphpa.h', text = '', c = ''
-}
+local kinds = {output = 'prints', sh = 'commands', gnuplot = 'gnuplot', quote = 'from sphpa.h'}
 function CodeBlock(block)
     local kind = block.classes[1] or ''
     local caption = kinds[kind] or ''

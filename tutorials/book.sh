@@ -36,7 +36,7 @@ page tutorials/README.md index.html ''
 before='' before_title='' pages=1
 for file in $chapters; do
     name=$(basename "$file" .md)
-    after=$(ls tutorials/[0-9][0-9]_*.md | awk -v here="$file" 'found { print; exit } $0 == here { found = 1 }')
+    after=$(echo "$chapters" | awk -v here="$file" 'found { print; exit } $0 == here { found = 1 }')
     set --
     [ -n "$before" ] && set -- "$@" -V before="$before" -V before-title="$before_title"
     [ -n "$after" ] && set -- "$@" -V after="$(basename "$after" .md).html" -V after-title="$(title "$after")"

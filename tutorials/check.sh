@@ -1,9 +1,9 @@
 #!/bin/sh
 # check.sh NAME: tangles, builds and runs chapter NAME (01_kernels) and compares what it prints.
 #
-# BUILD (build), CC (cc), EXTRA_CFLAGS; FIGURES=1: its pictures go to tutorials/img. Says one line when all holds; else what is wrong, with the
-# Markdown line, and exits with 1. Works in BUILD/tutorials/NAME, as a reader would in a folder with
-# nothing but sphpa.h.
+# BUILD (build), CC (cc), EXTRA_CFLAGS; FIGURES=1: its pictures go to tutorials/img. Says one line when
+# all holds; else what is wrong, with the Markdown line, and exits with 1. Works in
+# BUILD/tutorials/NAME, as a reader would in a folder with nothing but sphpa.h.
 set -u
 : "${BUILD:=build}" "${CC:=cc}" "${EXTRA_CFLAGS:=}"
 name=$1
@@ -16,7 +16,7 @@ rm -rf "$folder"
 mkdir -p "$folder"
 cp sphpa.h "$folder/" || exit 1
 
-# run TEXT: the sh fences of $1.sh in the folder, output to $1.out; on failure the Markdown line
+# run OUT FILE: the sh fences, OUT.sh, in the folder, output to OUT.out; on failure the line in FILE
 run() {
     {
         echo "cc() { command $CC $EXTRA_CFLAGS \"\$@\"; }"
@@ -58,25 +58,25 @@ cpu() { # tenths of a second of all that was run before `times > FILE` (which a 
     awk 'NR == 2 { gsub(/[ms]/, " "); print int(10 * (60 * $1 + $2 + 60 * $3 + $4)) }' "$folder/times"
 }
 fail() { [ -z "$1" ] || echo "$1" >&2; echo "FAILED $chapter (what it printed: $folder/*.out)" >&2; exit 1; }
-awk -f tutorials/tangle.awk -v out="$out" -v header=sphpa.h "$chapter" || fail ''
-[ -s "$out.c" ] && { strict "$out.c" || fail ''; }
-run "$out" "$chapter" || fail ''
-times > "$folder/times"
+# holds FILE OUT: its fences tangled, built, run and compared; how many numbers in OUT.compared
+holds() {
+    awk -f tutorials/tangle.awk -v out="$2" -v header=sphpa.h "$1" || fail ''
+    [ -s "$2.c" ] && { strict "$2.c" || fail ''; }
+    run "$2" "$1" || fail ''
+    awk -f tutorials/compare.awk -v chapter="$1" "$2.expect" "$2.prose" "$2.text" "$out.c" "$2.sh" "$2.out" \
+        > "$2.compared" || fail ''
+    times > "$folder/times"
+}
+holds "$chapter" "$out"
 taken=$(cpu)
-compared=$(awk -f tutorials/compare.awk -v chapter="$chapter" "$out.expect" "$out.prose" "$out.text" "$out.c" "$out.sh" \
-    "$out.out") || fail ''
 if [ -n "${FIGURES:-}" ]; then cp "$folder/$number"_*.svg "$folder/$number"_*.png tutorials/img/ 2> /dev/null; fi
 wrong=$(parts; pictures)
 [ -z "$wrong" ] || fail "$wrong"
 
 # the answers use the chapter's program, by sh and output fences of their own
 answers=$folder/answers
-awk -f tutorials/tangle.awk -v out="$answers" -v header=sphpa.h "tutorials/answers/$name.md" || fail ''
-run "$answers" "tutorials/answers/$name.md" || fail ''
-more=$(awk -f tutorials/compare.awk -v chapter="tutorials/answers/$name.md" "$answers.expect" "$answers.prose" \
-    "$answers.text" "$out.c" "$answers.sh" "$answers.out") || fail ''
-times > "$folder/times"
+holds "tutorials/answers/$name.md" "$answers"
 all=$(cpu)
 printf 'ok %s: %s lines, %s.%s s of CPU, with its answers %s.%s s; %s numbers as in the text\n' \
     "$chapter" "$(cat "$out.lines")" $((taken / 10)) $((taken % 10)) $((all / 10)) $((all % 10)) \
-    $((compared + more))
+    $(($(cat "$out.compared") + $(cat "$answers.compared")))

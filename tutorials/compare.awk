@@ -47,7 +47,6 @@ function differs(want, got, tol,    a, b, n, m, k, x, y) {
             if (a[k] != b[k]) return "other words"
             continue
         }
-        numbers++
         if (a[k] ~ /^~/) continue
         sub(/^~/, "", b[k])
         x = a[k] + 0

@@ -23,7 +23,6 @@ function put(text) { print text > program; }
 
 # chunk k's lines from `from` on; a reference pulls in what it names, as deep as it stands
 function emit(k, indent,    i, first, name, inner, line) {
-    if (active[k]) return 0
     active[k] = 1
     first = 1
     for (i = 1; i <= lines[k]; i++) {
