@@ -37,8 +37,9 @@ INNER_MAKE = $(MAKE) --no-print-directory INNER=1 $(SIDE_BY_SIDE)
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .SUFFIXES:
-.PHONY: help deps deps-check check test impact impact-full sensitivity movie examples bench-eos \
-        stress-eos path-eos replay-eos tolerance-impact bench-sph leave-out stress-sph verify tutorials figures \
+.PHONY: help deps deps-check check test impact impact-full sensitivity movie blast blast-paper examples \
+        bench-eos stress-eos path-eos replay-eos tolerance-impact bench-riemann bench-sph bench-grid \
+        leave-out stress-sph verify tutorials figures \
         book clean FORCE tests-build tests-run examples-build leave-out-run
 
 help: ## list these targets (the default)
@@ -84,6 +85,27 @@ movie: ## the impact as an animated GIF, correction and Balsara on beside off; g
 	@+$(INNER_MAKE) $(IMPACT)
 	$(IMPACT) --movie $(BUILD)/movie/impact.gif --out $(BUILD)/impact --resume auto $(ARGS)
 
+# ---- blasts ----
+BLAST = $(BUILD)/examples/blast
+# seconds of wall clock for each method of each of the paper's runs
+BLAST_SECONDS ?= 3600
+
+blast: ## 1 kt by finite volumes, particles and their hybrid, against the 1-D solution: build/blast (two minutes; ARGS="--t-end 1e-3": all of it)
+	@$(DEPS) impact
+	@+$(INNER_MAKE) $(BLAST)
+	$(BLAST) --dx 0.2 --t-end 1e-4 --convergence 0.3 --out $(BUILD)/blast $(ARGS)
+
+# the domain that the paper's 10 kt would overrun is twice as wide here
+blast-paper: ## the paper's 1 kt and 10 kt at 0.2, 0.1 and 0.05 m to 1 ms: build/blast-paper (hours; BLAST_SECONDS a method)
+	@$(DEPS) impact
+	@+$(INNER_MAKE) $(BLAST)
+	@for dx in 0.2 0.1 0.05; do for case in '1 100' '10 200'; do \
+	    set -- $$case; \
+	    run="$(BLAST) --yield $$1 --size $$2 --dx $$dx --max-seconds $(BLAST_SECONDS) --out $(BUILD)/blast-paper/$$1kt_$$dx $(ARGS)"; \
+	    echo "$$run"; $$run || exit $$?; \
+	done; done
+	$(BLAST) --kernels --max-seconds $(BLAST_SECONDS) --out $(BUILD)/blast-paper/kernels $(ARGS)
+
 examples: ## build all examples into build/examples
 	@$(DEPS) impact
 	@+$(INNER_MAKE) examples-build
@@ -118,11 +140,19 @@ tolerance-impact: ## does a loose tolerance make damage ring? 1e-2 to 1e-14, dou
 	$(TOLERANCE)_double --out $(BUILD)/bench $(ARGS)
 	$(TOLERANCE)_float --out $(BUILD)/bench $(ARGS)
 
+bench-riemann: ## Riemann solvers on mixes of states, alone and in batches: time beside error (ten seconds)
+	@+$(INNER_MAKE) $(BUILD)/bench/bench_riemann
+	$(BUILD)/bench/bench_riemann --out $(BUILD)/bench $(ARGS)
+
 # both precisions, one after the other; the second shows both
 bench-sph: ## particles a second and core, gas to porous solid: build/bench/sph.csv (half an hour; ARGS=--quick: 3 minutes)
 	@+$(INNER_MAKE) $(BUILD)/bench/bench_sph_double $(BUILD)/bench/bench_sph_float
 	$(BUILD)/bench/bench_sph_double --out $(BUILD)/bench $(ARGS)
 	$(if $(TELLS),,$(BUILD)/bench/bench_sph_float --out $(BUILD)/bench --append $(ARGS))
+
+bench-grid: ## finite volumes: cell-steps a second and core, errors beside them: build/bench/grid.csv (four minutes; ARGS=--quick: 10 s)
+	@+$(INNER_MAKE) $(BUILD)/bench/bench_grid
+	$(BUILD)/bench/bench_grid --out $(BUILD)/bench $(ARGS)
 
 leave-out: ## what each kind of scene pays for: bytes, time, program, compile time (four minutes)
 	@+$(INNER_MAKE) leave-out-run
@@ -258,7 +288,7 @@ TESTS := $(patsubst tests/%.c,$(BUILD)/tests/%,$(filter-out $(SKIPPED),$(wildcar
 
 # what runs for minutes gets the vectors of today's machines, where this one has them
 VECTORS = $(if $(NATIVE_FLAGS),,$(BENCH_FLAGS))
-$(IMPACT): EXAMPLE_FLAGS = $(VECTORS)
+$(IMPACT) $(BLAST): EXAMPLE_FLAGS = $(VECTORS)
 $(BUILD)/examples/%: examples/%.c sphpa.h $(BUILD)/flags.mk $(wildcard examples/*.h)
 	$(COMPILE) $(EXAMPLE_FLAGS) $(WARNINGS) $(hdf5_cflags) $< -o $@ $(LINK_FLAGS) $(hdf5_libs) $(LIBS)
 

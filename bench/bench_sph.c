@@ -1,4 +1,4 @@
-/* bench_sph.c: how many particles a second and core? Gas, solids and porous solids, each a whole
+/* bench_sph.c: how many particles a second and core? Gases, solids and porous solids, each a whole
    step with everything active: neighbours, sums, equation of state, integration, step limits.
 
    make bench-sph builds it in both precisions and runs one after the other; the second shows both.
@@ -46,6 +46,10 @@ static const bench_case bench_cases[] = {
     {"pumice", SCENE_PUMICE, 100000, 65.0, 2, 24, 0.0, 0, 1},
     {"solid-late", SCENE_SOLID, 30000, 65.0, 1, 24, 0.0, 0, 6},
     {"pumice-late", SCENE_PUMICE, 30000, 65.0, 1, 24, 0.0, 0, 20},
+    {"gsph", SCENE_GSPH, 40000, 64.0, 1, 24, 0.0, 1, 1},
+    {"gsph", SCENE_GSPH, 40000, 64.0, 2, 24, 0.0, 0, 1},
+    {"adke", SCENE_ADKE, 40000, 64.0, 1, 24, 0.0, 0, 1},
+    {"mpm", SCENE_MPM, 40000, 64.0, 1, 24, 0.0, 0, 1},
     {"gas1e4", SCENE_GAS, 9261, 48.0, 1, 40, 0.0, 0, 1},
     {"gas1e5", SCENE_GAS, 97336, 48.0, 1, 24, 0.0, 1, 1},
     {"gas4e6", SCENE_GAS, 4000000, 48.0, 1, 12, 0.0, 0, 1},

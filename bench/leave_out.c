@@ -1,4 +1,4 @@
-/* leave_out.c: what does a scene pay for? One source, five programs: with LEAVE_OUT defined to the
+/* leave_out.c: what does a scene pay for? One source, six programs: with LEAVE_OUT defined to the
    number of a scene in bench_scenes.h there is that scene and the sections of the header that it
    needs; without, there is all of them, and --scene says at run time which one.
 
@@ -16,6 +16,8 @@
 #elif LEAVE_OUT == 2
 #define SPHPA_PLASTIC_IMPLEMENTATION
 #define SPHPA_CRACKS_IMPLEMENTATION
+#elif LEAVE_OUT == 4
+#define SPHPA_GODUNOV_IMPLEMENTATION
 #else
 #define SPHPA_PORES_IMPLEMENTATION
 #define SPHPA_PLASTIC_IMPLEMENTATION
@@ -48,9 +50,9 @@ int main(int argc, char **argv) {
     long n = 30000;
     int kind = 0;
     const example_option options[] = {
-        example_count("particles", &n, 1000, 10000000, "for a gas the next cube"),
+        example_count("particles", &n, 1000, 10000000, "for a gas the next cube, for gsph the next square"),
 #ifndef LEAVE_OUT
-        example_choice("scene", "gas|elastic|solid|pumice", &kind, "what is run"),
+        example_choice("scene", "gas|elastic|solid|pumice|gsph", &kind, "what is run"),
 #endif
     };
     example_parse(argc, argv, "what one kind of scene costs", SPHPA_VERSION, options,
@@ -61,7 +63,7 @@ int main(int argc, char **argv) {
 #ifdef _OPENMP
     omp_set_num_threads(1);
 #endif
-    bench_scene *scene = scene_new(kind, n, kind == SCENE_GAS ? 48.0 : 65.0, 0.0);
+    bench_scene *scene = scene_new(kind, n, kind == SCENE_GAS ? 48.0 : kind == SCENE_GSPH ? 64.0 : 65.0, 0.0);
     double seconds = leave_out_time(scene);
     printf("%s %zu %.0f %.0f\n", scene_names[kind], sphpa_particles_bytes_each(&scene->sim.p),
            bench_scratch(&scene->sim),

@@ -35,7 +35,7 @@ END
     shift 2
 done
 : "${OUT:=build/bench}" "${COMPILE:?run it with make leave-out}" "${LINK:=-lm}"
-scenes='gas elastic solid pumice'
+scenes='gas elastic solid pumice gsph'
 work=$OUT/leave_out
 mkdir -p "$work"
 trap 'rm -f "$work/times" "$work/compiled" "$work/before"' EXIT

@@ -15,6 +15,9 @@
 #include "verify_exact.h"
 
 #include "verify_gas.h"
+#include "verify_godunov.h"
+#include "verify_grid.h"
+#include "verify_hybrid.h"
 #include "verify_interpolation.h"
 #include "verify_solid.h"
 
@@ -33,6 +36,8 @@ static const verify_problem problems[] = {
     {"toro5", verify_toro5, 1, 0, 21, 2, "two shocks meet"},
     {"lax", verify_lax, 1, 0, 4, 1, "Lax's tube"},
     {"wall-shock", verify_wall, 1, 0, 48, 4, "cold gas against a wall"},
+    {"wall-reflects", verify_edges_wall, 1, 0, 6, 1, "a shock comes back from a wall"},
+    {"open-edge", verify_edges_open, 1, 0, 7, 1, "a shock and a pulse of sound leave"},
     {"noh1", verify_noh1, 1, 1, 8, 1, "Noh's planar implosion"},
     {"acoustic-wave", verify_acoustic, 1, 0, 2, 1, "a sound wave, with and without viscosity"},
     {"noh2", verify_noh2, 2, 0, 190, 6, "Noh's cylindrical implosion"},
@@ -41,6 +46,13 @@ static const verify_problem problems[] = {
     {"gresho", verify_gresho, 2, 1, 380, 14, "Gresho's vortex: kernels, neighbours, Balsara"},
     {"kelvin-helmholtz", verify_kelvin_helmholtz, 2, 0, 180, 11, "growth of a shear layer's wave"},
     {"square", verify_square, 2, 0, 120, 8, "a dense square at rest"},
+    {"godunov-tubes", verify_godunov_riemann, 1, 0, 90, 25, "GSPH, ADKE, MPM: Riemann problems"},
+    {"godunov-orders", verify_godunov_orders, 1, 1, 10, 2, "GSPH: Sod's tube at rising resolution"},
+    {"godunov-noh1", verify_godunov_noh1, 1, 0, 10, 10, "the same: cold gas against walls"},
+    {"godunov-blasts", verify_godunov_blasts, 1, 0, 30, 20, "the same: two colliding blasts"},
+    {"godunov-noh2", verify_godunov_noh2, 2, 0, 120, 20, "the same: a cylindrical implosion"},
+    {"godunov-sedov2", verify_godunov_sedov2, 2, 0, 120, 20, "the same: a cylindrical explosion"},
+    {"godunov-gresho", verify_godunov_gresho, 2, 0, 120, 20, "the same: Gresho's vortex"},
     {"interpolation1", verify_interpolation1, 1, 0, 3, 3, "kernel sums on a line"},
     {"interpolation2", verify_interpolation2, 2, 0, 5, 5, "the same in the plane"},
     {"interpolation3", verify_interpolation3, 3, 0, 25, 0, "the same in space"},
@@ -53,6 +65,15 @@ static const verify_problem problems[] = {
     {"rings", verify_rings, 2, 0, 145, 20, "rubber rings bounce, and stay whole"},
     {"rod", verify_rod, 1, 0, 130, 15, "flaws tear a rod: size of fragments, strength over rate"},
     {"basalt", verify_basalt, 3, 0, 360, 0, "the core that an impact leaves of a sphere"},
+    {"grid-tubes", verify_grid_tubes, 1, 0, 10, 1, "finite volumes: six tubes, one on the diagonal"},
+    {"grid-smooth", verify_grid_smooth, 2, 0, 60, 10, "the same: a wave, a vortex, three slopes"},
+    {"grid-sedov", verify_grid_sedov, 2, 0, 40, 5, "the same: along a radius, and in the plane"},
+    {"grid-noh", verify_grid_noh, 1, 0, 3, 1, "the same: plane, cylinder, sphere"},
+    {"grid-two-blasts", verify_grid_two_blasts, 1, 0, 4, 2, "the same: Woodward and Colella's"},
+    {"hybrid-contact", verify_hybrid_contact, 2, 0, 60, 15, "the hybrid: a contact through a region"},
+    {"hybrid-sound", verify_hybrid_sound, 2, 0, 300, 25, "the same: sound that comes back from its edges"},
+    {"hybrid-tubes", verify_hybrid_tubes, 2, 0, 200, 40, "the same: Sod's and Toro's third through it"},
+    {"hybrid-blast", verify_hybrid_blast, 2, 0, 120, 20, "the same: a blast, regions by gradients"},
     {"taylor", verify_taylor, 3, 0, 100, 0, "aluminium rods on a rigid wall: their length"},
 };
 

@@ -11,6 +11,7 @@ typedef struct verify_gas {
     sphpa_kernel kernel;
     sphpa_integrator integrator;
     double cfl;
+    sphpa_edges_params *edges; /* NULL: none */
 } verify_gas;
 
 static void verify_gas_word(char text[VERIFY_NAME], const char *name, double value) {
@@ -52,6 +53,7 @@ static bool verify_gas_run(verify *v, const verify_gas *gas, const char *problem
     verify_gas_scheme(gas, scheme);
     *row = verify_row_of(problem, scheme, sphpa_kernel_name(gas->kernel), task->initial->dim);
     (void)sphpa_scene_add(&scene, sphpa_gas(&params));
+    if (gas->edges != NULL) (void)sphpa_scene_add(&scene, sphpa_edges(gas->edges));
     task->scene = &scene;
     task->options.kernel = gas->kernel;
     task->options.integrator = gas->integrator;
@@ -419,7 +421,7 @@ static void verify_noh_rows(verify *v, const verify_row *first, const char *name
 }
 
 static void verify_noh_run(verify *v, const verify_gas *gas, int dim, int across, double must) {
-    char name[VERIFY_NAME];
+    char name[16]; /* -plateau follows */
     sphpa_particles p;
     verify_case task;
     verify_row row;
@@ -911,6 +913,155 @@ static void verify_square(verify *v) {
             gas.conduction = kind == 3 ? 1.0 : 0.0;
             verify_square_run(v, &gas, 16 << k, kind < 2);
         }
+}
+
+/* ---- walls and open edges -------------------------------------------------------------------- */
+
+/* Gas of gamma 1.4, and a shock of Mach 2 in it that begins at x = 1/2 and runs to an edge at 1:
+   Rankine and Hugoniot's states, c ahead = sqrt(1.4). Behind it gas reaches so far back that
+   nothing comes from there. */
+static const sphpa_riemann_state verify_ahead = {1.0, 0.0, 1.0};
+
+static sphpa_riemann_state verify_behind(double *speed) {
+    double c = sqrt(1.4), mach = 2.0;
+    sphpa_riemann_state behind;
+    behind.rho = 2.4 * mach * mach / (0.4 * mach * mach + 2.0);
+    behind.v = 2.0 * c / 2.4 * (mach - 1.0 / mach);
+    behind.P = (2.8 * mach * mach - 0.4) / 2.4;
+    *speed = c * mach;
+    return behind;
+}
+
+/* count particles in the half ahead, of equal masses all */
+static void verify_shock_fill(sphpa_particles *p, int count, double back) {
+    double speed, d[2] = {0.5 / count, 0.0};
+    const sphpa_riemann_state behind = verify_behind(&speed);
+    sphpa_error err;
+    d[1] = d[0] / behind.rho;
+    verify_must(sphpa_particles_create(p, 1, 0, 0, 0, NULL, 0, &err), &err);
+    for (int side = 0; side < 2; side++)
+        for (int k = 0; k < (side ? (int)((0.5 - back) / d[1]) : count); k++) {
+            const sphpa_riemann_state *q = side ? &behind : &verify_ahead;
+            size_t i = 0;
+            verify_must(sphpa_particles_add(p, 1, &i, &err), &err);
+            p->x[3 * i] = 0.5 + (side ? -(k + 0.5) * d[1] : (k + 0.5) * d[0]);
+            p->v[3 * i] = (sphpa_real)q->v;
+            p->m[i] = (sphpa_real)d[0];
+            p->h[i] = (sphpa_real)(1.2 * d[side]);
+            p->rho[i] = q->rho;
+            p->u[i] = q->P / (0.4 * q->rho);
+        }
+}
+
+/* runs with edges: these take momentum, and open ones mass and energy, which is no drift */
+static bool verify_edged_run(verify *v, const verify_gas *gas, const char *name, verify_case *task,
+                             verify_row *row) {
+    double mass = v->worst_mass, momentum = v->worst_momentum, energy = v->worst_energy;
+    double mean = v->mean_energy, start = 0.0;
+    for (size_t i = 0; i < task->initial->n; i++) start += (double)task->initial->m[i];
+    bool ran = verify_gas_run(v, gas, name, task, row);
+    v->worst_momentum = momentum;
+    row->drift_momentum = (double)NAN;
+    if (gas->edges->edge_high[0] != SPHPA_EDGE_OPEN || !ran) return ran;
+    sphpa_totals now = sphpa_sim_totals(v->sim);
+    row->drift_mass = fabs((now.mass + gas->edges->lost[0]) / start - 1.0);
+    row->drift_energy = (double)NAN;
+    v->worst_mass = fmax(mass, row->drift_mass);
+    v->worst_energy = energy;
+    v->mean_energy = mean;
+    return true;
+}
+
+/* The shock comes back from a wall: 0.15 later all of [1/2, 1] is the exact flow of two streams
+   that meet there. open: it goes on through an open edge, and all should be as behind the shock. */
+static void verify_edge_shock(verify *v, int count, bool open) {
+    sphpa_particles p;
+    verify_case task;
+    verify_row row;
+    sphpa_edges_params edges;
+    verify_gas gas = verify_gas_of(1.4);
+    verify_error rho = {0.0, 0.0, 0}, P = {0.0, 0.0, 0};
+    double speed;
+    verify_riemann meet = verify_riemanns[VERIFY_SOD];
+    sphpa_riemann_star star;
+    meet.left = meet.right = verify_behind(&speed);
+    meet.right.v = -meet.left.v;
+    meet.t_end = 0.15;
+    memset(&task, 0, sizeof task);
+    memset(&edges, 0, sizeof edges);
+    edges.high[0] = 1.0;
+    edges.edge_high[0] = open ? SPHPA_EDGE_OPEN : SPHPA_EDGE_WALL;
+    gas.edges = &edges;
+    gas.h_max = 0.1;
+    verify_shock_fill(&p, count, -1.0);
+    task.initial = &p;
+    task.t_end = 0.5 / speed + meet.t_end;
+    const char *name = open ? "open-shock-rho" : "wall-reflects-rho";
+    bool ran = verify_edged_run(v, &gas, name, &task, &row);
+    if (sphpa_riemann_exact(1.4, &meet.left, &meet.right, &star) != SPHPA_OK) ran = false;
+    for (size_t i = 0; ran && i < v->sim->p.n; i++) {
+        double x = v->sim->p.x[3 * i];
+        if (x < 0.5 || x > 1.0) continue;
+        sphpa_riemann_state exact = open ? meet.left
+                                         : verify_riemann_at(&meet, &star, x - 1.0, meet.t_end);
+        verify_error_add(&rho, v->sim->p.rho[i] / exact.rho - 1.0);
+        verify_error_add(&P, (double)v->sim->p.P[i] / exact.P - 1.0);
+    }
+    row.n = (double)rho.count;
+    verify_error_put(&row, &rho);
+    verify_add(v, row);
+    row = verify_also(&row, open ? "open-shock-P" : "wall-reflects-P");
+    verify_error_put(&row, &P);
+    verify_add(v, row);
+    sphpa_particles_free(&p);
+}
+
+/* A right-going pulse of sound of amplitude 1e-3 c meets the edge: |v| that is left in [0, 1] when
+   it should be gone, as a share of the amplitude. */
+static void verify_edge_pulse(verify *v, int count, bool viscous) {
+    sphpa_particles p;
+    verify_case task;
+    verify_row row;
+    sphpa_edges_params edges;
+    verify_gas gas = verify_gas_of(1.4);
+    verify_error left = {0.0, 0.0, 0};
+    const double A = 1e-3, width = 0.06;
+    memset(&task, 0, sizeof task);
+    memset(&edges, 0, sizeof edges);
+    edges.high[0] = 1.0;
+    edges.edge_low[0] = SPHPA_EDGE_WALL;
+    edges.edge_high[0] = SPHPA_EDGE_OPEN;
+    gas.edges = &edges;
+    gas.a = viscous ? 0.0 : -1.0;
+    verify_gas_box(&p, 1, 0.0, 1.0, count, SPHPA_LATTICE_CUBIC, 0.0);
+    for (size_t i = 0; i < p.n; i++) {
+        double s = ((double)i + 0.5) / (double)p.n, away = (s - 0.5) / width;
+        double wave = A * exp(-0.5 * away * away), rho = 1.0 + wave;
+        p.x[3 * i] = s - A * width * sqrt(0.5 * VERIFY_PI) * erf(away / sqrt(2.0));
+        p.v[3 * i] = (sphpa_real)wave;
+        p.u[i] = pow(rho, 0.4) / (1.4 * 0.4);
+    }
+    task.initial = &p;
+    task.t_end = 1.0;
+    bool ran = verify_edged_run(v, &gas, "open-pulse", &task, &row);
+    for (size_t i = 0; ran && i < v->sim->p.n; i++)
+        if (v->sim->p.ghost[i] == 0) verify_error_add(&left, (double)v->sim->p.v[3 * i] / A);
+    verify_error_put(&row, &left);
+    verify_add(v, row);
+    sphpa_particles_free(&p);
+}
+
+static void verify_edges_wall(verify *v) {
+    int levels = verify_levels(v, 3);
+    for (int k = 0; k < levels; k++) verify_edge_shock(v, 50 << k, false);
+    verify_slope(v, "wall-reflects-rho", 0.5); /* a front: 1, less for the gas heated at the wall */
+}
+
+static void verify_edges_open(verify *v) {
+    int levels = verify_levels(v, 3);
+    for (int k = 0; k < levels; k++) verify_edge_shock(v, 50 << k, true);
+    for (int viscous = 0; viscous < 2; viscous++)
+        for (int k = 0; k < levels; k++) verify_edge_pulse(v, 100 << k, viscous != 0);
 }
 
 #endif

@@ -270,6 +270,35 @@ static void one_body_alone(void **state) {
     sphpa_particles_free(&p);
 }
 
+/* a row of ten with one ghost: it bridges nothing, weighs nothing and belongs to none */
+static void ghosts_are_in_no_fragment(void **state) {
+    (void)state;
+    sphpa_particles p;
+    const sphpa_mask fields = SPHPA_F(ghost) | SPHPA_F(D);
+    assert_int_equal(sphpa_particles_create(&p, 2, 10, fields, 0, NULL, 0, NULL), SPHPA_OK);
+    assert_int_equal(sphpa_particles_add(&p, 10, NULL, NULL), SPHPA_OK);
+    for (size_t i = 0; i < p.n; i++) {
+        p.m[i] = 1, p.h[i] = SPHPA_R(0.5), p.rho[i] = 1.0;
+        p.x[3 * i + 1] = 0.9 * (double)i, p.v[3 * i] = 1;
+    }
+    p.ghost[4] = 2, p.D[4] = 1; /* nor is it dust */
+    sphpa_fragments f = find(&p, NULL, NULL);
+    assert_true(f.count == 2 && f.mass == 9.0 && f.dust_count == 0 && f.dust == 0.0);
+    assert_true(f.list[0].count == 5 && f.list[0].id == 5 && f.list[1].count == 4);
+    assert_int_equal(f.label[4], SPHPA_FRAGMENT_OTHER);
+    sphpa_fragment_free(&f);
+    p.D[4] = 0;
+    f = find(&p, NULL, NULL);
+    assert_true(f.count == 2 && f.mass == 9.0 && f.label[4] == SPHPA_FRAGMENT_OTHER);
+    sphpa_fragment_free(&f);
+    for (size_t i = 0; i < p.n; i++) p.ghost[i] = 1;
+    sphpa_error err;
+    memset(&err, 0, sizeof err);
+    assert_int_equal(sphpa_fragment_find(&p, NULL, NULL, &f, &err), SPHPA_ERROR_EMPTY);
+    assert_non_null(strstr(err.message, "ghosts"));
+    sphpa_particles_free(&p);
+}
+
 static void one_particle_is_a_fragment(void **state) {
     (void)state;
     for (int dim = 1; dim <= 3; dim++) {
@@ -620,6 +649,7 @@ int main(void) {
         cmocka_unit_test(unequal_supports_link_by_their_mean),
         cmocka_unit_test(dust_bridges_nothing),
         cmocka_unit_test(one_body_alone),
+        cmocka_unit_test(ghosts_are_in_no_fragment),
         cmocka_unit_test(one_particle_is_a_fragment),
         cmocka_unit_test(two_balls),
         cmocka_unit_test(sums_are_the_totals),

@@ -203,6 +203,37 @@ static void partition_of_unity(void **state) {
         }
 }
 
+/* sums over a lattice: exact where splines add up to 1, else by the pieces in long double */
+static void lattices(void **state) {
+    (void)state;
+    static const double etas[6] = {0.2, 0.5, 1.0, 1.2, 1.5, 3.0};
+    for (int k = 0; k < 3; k++)
+        for (int n = 1; n <= 3; n++)
+            assert_near(sphpa_kernel_lattice(kernel(k), 1, n), 1.0, 8.0 * EPS * amplified[k]);
+    FOR_ALL(k, dim) {
+        double support = sphpa_kernel_support(kernel(k));
+        for (int e = 0; e < 6; e++) {
+            long double sum = 0.0L, eta = etas[e];
+            for (int c = dim > 2 ? -10 : 0; c <= (dim > 2 ? 10 : 0); c++)
+                for (int b = dim > 1 ? -10 : 0; b <= (dim > 1 ? 10 : 0); b++)
+                    for (int a = -10; a <= 10; a++) {
+                        long double q = sqrtl((long double)(a * a + b * b + c * c)) / eta;
+                        if (q < support) sum += reference(k, dim, q, (double)q) / powl(eta, dim);
+                    }
+            double found = sphpa_kernel_lattice(kernel(k), dim, etas[e]);
+            assert_near(found, (double)sum, 3e-14);
+            if (etas[e] == 0.2) /* alone */
+                assert_near(found, sphpa_kernel_w(kernel(k), dim, 0.0, 0.2), EPS);
+        }
+        const double bad[5] = {0.0, -1.0, HUGE_VAL, -HUGE_VAL, (double)NAN};
+        for (int b = 0; b < 5; b++)
+            assert_true(isnan(sphpa_kernel_lattice(kernel(k), dim, bad[b])));
+    }
+    assert_true(isnan(sphpa_kernel_lattice(SPHPA_KERNEL_COUNT, 2, 1.2)));
+    assert_true(isnan(sphpa_kernel_lattice(SPHPA_KERNEL_CUBIC, 0, 1.2)));
+    assert_true(isnan(sphpa_kernel_lattice(SPHPA_KERNEL_CUBIC, 4, 1.2)));
+}
+
 static void values_and_derivatives(void **state) {
     (void)state;
     FOR_ALL(k, dim) {
@@ -412,6 +443,7 @@ static void names(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(normalisation),        cmocka_unit_test(moments),
+        cmocka_unit_test(lattices),
         cmocka_unit_test(partition_of_unity),   cmocka_unit_test(values_and_derivatives),
         cmocka_unit_test(slope_near_the_centre), cmocka_unit_test(positive_and_falling),
         cmocka_unit_test(support),              cmocka_unit_test(continuity),

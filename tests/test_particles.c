@@ -84,6 +84,10 @@ static void fill(sphpa_particles *p, size_t first) {
         size_t bytes;
         unsigned char *data = array_of(p, k, &bytes);
         if (data == NULL || k == (int)SPHPA_FIELD_id) continue;
+        if (k == (int)SPHPA_FIELD_parent) { /* these are places, and follow who is there */
+            for (size_t i = first; i < p->n; i++) p->parent[i] = -1;
+            continue;
+        }
         for (size_t i = first; i < p->n; i++)
             for (size_t b = 0; b < bytes; b++) data[i * bytes + b] = pattern(k, p->id[i], b);
     }
@@ -93,7 +97,7 @@ static void verify(const sphpa_particles *p) {
     for (int k = 0; k < ARRAYS; k++) {
         size_t bytes;
         const unsigned char *data = array_of(p, k, &bytes);
-        if (data == NULL || k == (int)SPHPA_FIELD_id) continue;
+        if (data == NULL || k == (int)SPHPA_FIELD_id || k == (int)SPHPA_FIELD_parent) continue;
         for (size_t i = 0; i < p->n; i++)
             for (size_t b = 0; b < bytes; b++)
                 if (data[i * bytes + b] != pattern(k, p->id[i], b))
@@ -212,6 +216,19 @@ static void growing_keeps_everything(void **state) {
     sphpa_particles_free(&p);
 }
 
+/* particle id's parent: every third one has none */
+static int32_t parent_of(int32_t id, int n) { return id % 3 == 1 ? -1 - id : (7 * id + 5) % n; }
+
+/* each parent is still the particle that it was, or -1 where there is no more of that id */
+static void parents_are(const sphpa_particles *p, int n) {
+    for (size_t i = 0; i < p->n; i++) {
+        int32_t want = parent_of((int32_t)p->id[i], n), there = -1;
+        for (size_t k = 0; k < p->n && want >= 0; k++)
+            if (p->id[k] == want) there = (int32_t)k;
+        assert_int_equal(p->parent[i], want < 0 ? want : there);
+    }
+}
+
 static void permuting_is_exact(void **state) {
     (void)state;
     enum { N = 101 };
@@ -226,15 +243,61 @@ static void permuting_is_exact(void **state) {
         order[i] = order[j];
         order[j] = swap;
     }
+    for (int32_t i = 0; i < N; i++) p.parent[i] = parent_of(i, N);
     assert_int_equal(sphpa_particles_permute(&p, order, NULL), SPHPA_OK);
     for (size_t i = 0; i < N; i++) assert_int_equal(p.id[i], order[i]);
     verify(&p); /* every byte of every array went where its id went */
+    parents_are(&p, N);
     blocks_left = 0;
     sphpa_error err;
     assert_int_equal(sphpa_particles_permute(&p, order, &err), SPHPA_ERROR_MEMORY);
     blocks_left = (size_t)-1;
     verify(&p);
+    parents_are(&p, N);
     sphpa_particles_free(&p);
+}
+
+static void removing_keeps_the_others(void **state) {
+    (void)state;
+    enum { N = 90 };
+    sphpa_particles p = full_set(N + 3);
+    unsigned char keep[N];
+    sphpa_error err;
+    assert_int_equal(sphpa_particles_add(&p, N, NULL, NULL), SPHPA_OK);
+    fill(&p, 0);
+    for (int32_t i = 0; i < N; i++) p.parent[i] = parent_of(i, N), keep[i] = 7;
+    assert_int_equal(sphpa_particles_remove(&p, keep, &err), SPHPA_OK); /* none */
+    assert_int_equal(p.n, N);
+    size_t left = 0;
+    for (size_t i = 0; i < N; i++) {
+        keep[i] = i % 3 != 0 && i < 80 ? 1 : 0; /* the first, the last and between */
+        left += keep[i];
+    }
+    blocks_left = 0;
+    assert_int_equal(sphpa_particles_remove(&p, keep, &err), SPHPA_ERROR_MEMORY);
+    blocks_left = (size_t)-1;
+    assert_int_equal(p.n, N);
+    verify(&p);
+    parents_are(&p, N);
+    assert_int_equal(sphpa_particles_remove(&p, keep, &err), SPHPA_OK);
+    assert_int_equal(p.n, left);
+    verify(&p);
+    parents_are(&p, N); /* those of particles that are gone are -1 */
+    for (size_t i = 1; i < p.n; i++) assert_true(p.id[i] > p.id[i - 1] && keep[p.id[i]] == 1);
+    assert_int_equal(p.next_id, N); /* ids are never used again */
+    memset(keep, 0, sizeof keep);
+    assert_int_equal(sphpa_particles_remove(&p, keep, &err), SPHPA_OK);
+    assert_int_equal(p.n, 0);
+    sphpa_particles_free(&p);
+    const int64_t ids[3] = {0, 2, 3}; /* a set without parents */
+    assert_int_equal(sphpa_particles_create(&p, 1, 4, 0, 0, NULL, 0, NULL), SPHPA_OK);
+    assert_int_equal(sphpa_particles_add(&p, 4, NULL, NULL), SPHPA_OK);
+    keep[0] = keep[2] = keep[3] = 1;
+    assert_int_equal(sphpa_particles_remove(&p, keep, &err), SPHPA_OK);
+    assert_int_equal(p.n, 3);
+    for (size_t i = 0; i < 3; i++) assert_int_equal(p.id[i], ids[i]);
+    sphpa_particles_free(&p);
+    assert_int_equal(blocks_alive, 0);
 }
 
 static void appending_copies_what_both_have(void **state) {
@@ -411,6 +474,7 @@ int main(void) {
         cmocka_unit_test(arrays_are_aligned_apart_and_zero),
         cmocka_unit_test(growing_keeps_everything),
         cmocka_unit_test(permuting_is_exact),
+        cmocka_unit_test(removing_keeps_the_others),
         cmocka_unit_test(appending_copies_what_both_have),
         cmocka_unit_test(columns_are_found_and_checked),
         cmocka_unit_test(errors_leave_all_as_it_was),

@@ -7,7 +7,8 @@
 
 #include <cmocka.h>
 
-#define SPHPA_GAS_IMPLEMENTATION
+#define SPHPA_GODUNOV_IMPLEMENTATION
+#define SPHPA_EDGES_IMPLEMENTATION
 #define SPHPA_SNAPSHOT_IMPLEMENTATION
 #include "sphpa.h"
 
@@ -103,9 +104,13 @@ typedef struct world {
     sphpa_ideal gas;
     sphpa_eos eos;
     sphpa_gas_params params;
+    sphpa_godunov_params godunov; /* for schemes 1 to 3; 0 is the gas */
+    int scheme;
+    sphpa_edges_params edges;
     dye colour;
     sphpa_sim_options options;
     int dim, cells, plain; /* plain: without the user's module */
+    int edged;             /* not 0: with edges */
     sphpa_sim sim;
 } world;
 
@@ -141,8 +146,15 @@ static void world_make(world *w) {
     w->eos = sphpa_ideal_eos(&w->gas);
     w->params.eos = &w->eos;
     w->params.materials = 1;
-    assert_int_equal(sphpa_scene_add(&scene, sphpa_gas(&w->params)), SPHPA_OK);
+    w->godunov.gas = w->params;
+    w->godunov.g1 = w->scheme == 3 ? 0.0 : 0.2;
+    sphpa_module module = w->scheme == 1   ? sphpa_godunov(&w->godunov)
+                          : w->scheme == 2 ? sphpa_godunov_adke(&w->godunov)
+                          : w->scheme == 3 ? sphpa_godunov_mpm(&w->godunov)
+                                           : sphpa_gas(&w->params);
+    assert_int_equal(sphpa_scene_add(&scene, module), SPHPA_OK);
     if (!w->plain) assert_int_equal(sphpa_scene_add(&scene, dye_module(&w->colour)), SPHPA_OK);
+    if (w->edged) assert_int_equal(sphpa_scene_add(&scene, sphpa_edges(&w->edges)), SPHPA_OK);
     world_particles(w, &p);
     sphpa_result result = sphpa_sim_create(&w->sim, &scene, &p, &w->options, &err);
     if (result != SPHPA_OK) print_error("%s\n", err.message);
@@ -623,43 +635,110 @@ static void test_partly_periodic_box(void **state) {
 
 /* ---- restart --------------------------------------------------------------------------------- */
 
-/* stopped at 20 and resumed, from the same and from other particles: the bits of the one that
+/* stopped half way and resumed, from the same and from other particles: the bits of the one that
    went on */
-static void restart_case(int dim, int cells, sphpa_integrator integrator, int balsara) {
+static void restart_case(int dim, int cells, sphpa_integrator integrator, int balsara,
+                         int scheme) {
     world *w[3];
+    int half = scheme > 0 ? 22 : 20; /* GSPH and ADKE renew h in every fourth step */
     sphpa_error err;
     for (int k = 0; k < 3; k++) {
         w[k] = world_new(dim, k == 2 ? cells + 3 : cells);
         w[k]->options.integrator = integrator;
         w[k]->params.viscosity.balsara = balsara;
+        w[k]->scheme = scheme;
         world_make(w[k]);
     }
-    steps(&w[0]->sim, 20);
+    steps(&w[0]->sim, half);
     assert_int_equal(sphpa_sim_refresh(&w[0]->sim, &err), SPHPA_OK); /* as at an output */
     assert_int_equal(sphpa_checkpoint_write(&w[0]->sim, at("run.hdf"), NULL, &err), SPHPA_OK);
-    steps(&w[1]->sim, 19); /* has lists of its own that nearly fit, and a history */
+    steps(&w[1]->sim, half - 1); /* has lists of its own that nearly fit, and a history */
     for (int k = 1; k < 3; k++) {
         assert_int_equal(sphpa_checkpoint_read(&w[k]->sim, at("run.hdf"), &err), SPHPA_OK);
         assert_same_bits(&w[0]->sim, &w[k]->sim);
-        assert_int_equal(w[k]->colour.count, 20);
+        assert_int_equal(w[k]->colour.count, half);
     }
-    for (int k = 0; k < 3; k++) steps(&w[k]->sim, 20);
-    assert_true(w[0]->sim.stats.steps == 40 && w[0]->colour.count == 40);
+    for (int k = 0; k < 3; k++) steps(&w[k]->sim, half);
+    assert_true(w[0]->sim.stats.steps == 2 * (uint64_t)half && w[0]->colour.count == 2 * half);
     for (int k = 1; k < 3; k++) {
         assert_same_bits(&w[0]->sim, &w[k]->sim);
-        assert_int_equal(w[k]->colour.count, 40);
-        assert_memory_equal(w[0]->colour.history, w[k]->colour.history, 40 * sizeof(double));
+        assert_int_equal(w[k]->colour.count, 2 * half);
+        assert_memory_equal(w[0]->colour.history, w[k]->colour.history, 2 * (size_t)half * sizeof(double));
     }
+    assert_nothing_open();
+    for (int k = 0; k < 3; k++) world_free(w[k]);
+}
+
+/* walls at x = -1.01 and y = 1.01, open edges opposite of them, and a wind to these */
+static world *world_with_edges(void) {
+    world *w = world_new(2, 14);
+    memset(w->options.box.periodic, 0, sizeof w->options.box.periodic);
+    w->edged = 1;
+    for (int a = 0; a < 2; a++) w->edges.low[a] = -1.01, w->edges.high[a] = 1.01;
+    w->edges.edge_low[0] = w->edges.edge_high[1] = SPHPA_EDGE_WALL;
+    w->edges.edge_high[0] = w->edges.edge_low[1] = SPHPA_EDGE_OPEN;
+    return w;
+}
+
+/* images, parents and what is lost so far are in the file, and the run goes on as it would have */
+static void test_restart_with_edges(void **state) {
+    (void)state;
+    world *w[3];
+    sphpa_error err;
+    for (int k = 0; k < 3; k++) {
+        w[k] = world_with_edges();
+        world_make(w[k]);
+    }
+    const char *path = at("edges.hdf");
+    while (w[0]->edges.lost_count == 0) steps(&w[0]->sim, 1);
+    assert_int_equal(sphpa_sim_refresh(&w[0]->sim, &err), SPHPA_OK);
+    assert_int_equal(sphpa_checkpoint_write(&w[0]->sim, path, NULL, &err), SPHPA_OK);
+    steps(&w[1]->sim, 19);
+    const sphpa_particles *p = &w[0]->sim.p;
+    size_t images = 0, n = p->n;
+    int32_t *ghost = (int32_t *)malloc(2 * n * sizeof(int32_t)), *parent = ghost + n;
+    hid_t file = H5Fopen(path, H5F_ACC_RDONLY, H5P_DEFAULT);
+    dataset_into(file, "/PartType0/GhostImages", H5T_STD_I32LE, n, 1, ghost);
+    dataset_into(file, "/PartType0/GhostParents", H5T_STD_I32LE, n, 1, parent);
+    H5Fclose(file);
+    for (size_t i = 0; i < n; i++) {
+        assert_true(ghost[i] == p->ghost[i] && parent[i] == p->parent[i]);
+        images += ghost[i] > 1 ? 1u : 0u;
+    }
+    assert_true(images > 0 && n == images + 14 * 14 - w[0]->edges.lost_count);
+    free(ghost);
+    for (int turn = 0; turn < 2; turn++) {
+        for (int k = 1; k < 3; k++) {
+            if (turn == 0)
+                assert_int_equal(sphpa_checkpoint_read(&w[k]->sim, path, &err), SPHPA_OK);
+            assert_same_bits(&w[0]->sim, &w[k]->sim);
+            assert_memory_equal(w[0]->edges.lost, w[k]->edges.lost, sizeof w[k]->edges.lost);
+            assert_int_equal(w[0]->edges.lost_count, w[k]->edges.lost_count);
+        }
+        if (turn == 0)
+            for (int k = 0; k < 3; k++) steps(&w[k]->sim, 60);
+    }
+    assert_true(w[0]->edges.lost_count > 3);
     assert_nothing_open();
     for (int k = 0; k < 3; k++) world_free(w[k]);
 }
 
 static void test_restart(void **state) {
     (void)state;
-    restart_case(1, 60, SPHPA_PREDICTOR_CORRECTOR, 0);
-    restart_case(2, 14, SPHPA_PREDICTOR_CORRECTOR, 1);
-    restart_case(2, 14, SPHPA_RK2, 0);
-    restart_case(3, 8, SPHPA_PREDICTOR_CORRECTOR, 0);
+    restart_case(1, 60, SPHPA_PREDICTOR_CORRECTOR, 0, 0);
+    restart_case(2, 14, SPHPA_PREDICTOR_CORRECTOR, 1, 0);
+    restart_case(2, 14, SPHPA_RK2, 0, 0);
+    restart_case(3, 8, SPHPA_PREDICTOR_CORRECTOR, 0, 0);
+}
+
+/* GSPH, ADKE, MPM: h of a pilot density that is not renewed in every step, switches of their own */
+static void test_restart_of_strong_shocks(void **state) {
+    (void)state;
+    for (int scheme = 1; scheme <= 3; scheme++) {
+        restart_case(1, 60, SPHPA_PREDICTOR_CORRECTOR, 0, scheme);
+        restart_case(2, 25, SPHPA_PREDICTOR_CORRECTOR, 0, scheme);
+        restart_case(2, 14, SPHPA_RK2, 0, scheme);
+    }
 }
 
 /* before the first step, and what a run has counted so far */
@@ -1072,6 +1151,48 @@ static void unlink_object(const char *path, const char *name) {
     H5Fclose(file);
 }
 
+/* ghosts that these edges would not have made are not taken from a file */
+static void test_foreign_ghosts(void **state) {
+    (void)state;
+    world *w = world_with_edges(), *other = world_with_edges();
+    sphpa_error err;
+    const char *path = at("ghosts.hdf");
+    world_make(w);
+    other->edges.edge_low[0] = SPHPA_EDGE_NONE;
+    world_make(other);
+    steps(&w->sim, 3);
+    assert_int_equal(sphpa_checkpoint_write(&w->sim, path, NULL, &err), SPHPA_OK);
+    assert_int_equal(sphpa_checkpoint_read(&other->sim, path, &err), SPHPA_ERROR_FORMAT);
+    assert_says(&err, SPHPA_ERROR_FORMAT, "edges");
+    size_t bytes, image = 0, real = 0;
+    while (w->sim.p.ghost[image] < 2) image++;
+    while (w->sim.p.ghost[real] != 0) real++;
+    char *whole = slurp(path, &bytes);
+    const struct {
+        const char *field;
+        size_t place;
+        double value;
+    } bad[8] = {{"/PartType0/GhostParents", image, (double)w->sim.p.n},
+                {"/PartType0/GhostParents", image, -1.0},
+                {"/PartType0/GhostParents", image, (double)image}, /* its own */
+                {"/PartType0/GhostParents", real, 0.0},
+                {"/PartType0/GhostParents", real, -65.0},
+                {"/PartType0/GhostImages", image, 28.0},
+                {"/PartType0/GhostImages", image, 10.0}, /* of an axis that there is not */
+                {"/PartType0/GhostImages", real, -1.0}};
+    for (int k = 0; k < 8; k++) {
+        poke(path, bad[k].field, bad[k].place, bad[k].value);
+        assert_int_equal(sphpa_checkpoint_read(&w->sim, path, &err), SPHPA_ERROR_FORMAT);
+        assert_says(&err, SPHPA_ERROR_FORMAT, "ghost");
+        spill(path, whole, bytes);
+    }
+    assert_int_equal(sphpa_checkpoint_read(&w->sim, path, &err), SPHPA_OK);
+    steps(&w->sim, 2);
+    free(whole);
+    world_free(w);
+    world_free(other);
+}
+
 static void test_changed_checkpoints(void **state) {
     (void)state;
     witness t = witness_new();
@@ -1372,6 +1493,9 @@ int main(void) {
         cmocka_unit_test(test_open_box_and_defaults),
         cmocka_unit_test(test_partly_periodic_box),
         cmocka_unit_test(test_restart),
+        cmocka_unit_test(test_restart_of_strong_shocks),
+        cmocka_unit_test(test_restart_with_edges),
+        cmocka_unit_test(test_foreign_ghosts),
         cmocka_unit_test(test_restart_of_anything),
         cmocka_unit_test(test_restart_with_smaller_steps),
         cmocka_unit_test(test_restart_with_other_limits),

@@ -1610,19 +1610,24 @@ static void life_teardown(sphpa_sim *sim, void *params) {
     ((modules_life *)params)->torn_down++;
 }
 
+static void life_ghosts(sphpa_sim *sim, void *params, sphpa_mask fields) {
+    (void)sim, (void)params, (void)fields;
+}
+
 static void modules_are_set_up_and_torn_down_once(void **state) {
     (void)state;
     modules_life life[3];
     static const char *const names[3] = {"a", "b", "c"};
     sphpa_particles p = random_set(2, 20, 0.1, 1);
-    for (int fails = 0; fails < 3; fails++) { /* 0: none; 1: the second; 2: before all of them */
+    for (int fails = 0; fails < 4; fails++) { /* 0: none; 1, 3: the second; 2: before all of them */
         memset(life, 0, sizeof life);
-        life[1].fails = fails == 1;
+        life[1].fails = fails == 1 || fails == 3;
         sphpa_scene scene;
         memset(&scene, 0, sizeof scene);
         for (int k = 0; k < 3; k++) {
             sphpa_module module = module_named(names[k], &life[k]);
             module.setup = life_setup;
+            module.ghosts = fails == 1 && k == 2 ? life_ghosts : NULL; /* then the last is first */
             module.teardown = life_teardown;
             assert_int_equal(sphpa_scene_add(&scene, module), SPHPA_OK);
         }
@@ -1630,11 +1635,11 @@ static void modules_are_set_up_and_torn_down_once(void **state) {
         static sphpa_sim sim;
         sphpa_result result = sphpa_sim_create(&sim, &scene, &p, NULL, NULL);
         assert_int_equal(result, fails == 0   ? SPHPA_OK
-                                 : fails == 1 ? SPHPA_ERROR_MISSING
+                                 : fails != 2 ? SPHPA_ERROR_MISSING
                                               : SPHPA_ERROR_NOT_FINITE);
         sphpa_sim_free(&sim);
         for (int k = 0; k < 3; k++) {
-            int want = fails == 0 || (fails == 1 && k < 2);
+            int want = fails < 2 || (fails == 3 && k < 2);
             assert_int_equal(life[k].set_up, want);
             assert_int_equal(life[k].torn_down, want); /* never without its setup */
         }
@@ -1680,6 +1685,230 @@ static void particles_come_and_go(void **state) {
     sim_steps(sim, 3);
     assert_int_equal(sim->p.n, 200);
     assert_int_equal(sim->p.next_id, 3100); /* ids are never used again */
+    sim_drop(sim);
+    sphpa_particles_free(&p);
+}
+
+/* ---- ghosts ---------------------------------------------------------------------------------- */
+
+/* n particles of random_set, the ghosts in three quarters of the room */
+static sphpa_particles ghostly_set(int dim, size_t n, double h) {
+    sphpa_particles all = random_set(dim, n, h, 5), p;
+    assert_int_equal(sphpa_particles_create(&p, dim, n, SPHPA_F(ghost), 0, NULL, 0, NULL),
+                     SPHPA_OK);
+    assert_int_equal(sphpa_particles_append(&p, &all, NULL), SPHPA_OK);
+    for (size_t i = 0; i < n; i++) p.ghost[i] = p.x[3 * i] > -0.5 ? 1 : 0;
+    sphpa_particles_free(&all);
+    return p;
+}
+
+static void visit_pair(sphpa_sim *sim, void *params, const sphpa_neighbours *near) {
+    (void)params;
+    sim->p.c[near->i] += SPHPA_R(1.0);
+}
+
+static void visit_pair_too(sphpa_sim *sim, void *params, const sphpa_neighbours *near) {
+    (void)params;
+    sim->p.div_v[near->i] += SPHPA_R(1.0);
+}
+
+static void visit_group(sphpa_sim *sim, void *params, const sphpa_group *near) {
+    (void)params;
+    for (size_t i = near->first; i < near->first + near->count; i++)
+        sim->p.omega[i] += SPHPA_R(1.0);
+}
+
+static void visit_group_too(sphpa_sim *sim, void *params, const sphpa_group *near) {
+    (void)params;
+    for (size_t i = near->first; i < near->first + near->count; i++)
+        sim->p.balsara[i] += SPHPA_R(1.0);
+}
+
+/* whole groups of ghosts are passed over by passes that are not for ghosts, and by no others;
+   kinds: 1 those that are not, 2 those that are, 3 both */
+static void ghosts_are_passed_over(void **state) {
+    (void)state;
+    for (int kinds = 1; kinds <= 3; kinds++)
+        for (int dim = 1; dim <= 3; dim++) {
+            const double h[3] = {0.02, 0.08, 0.19};
+            sphpa_module module = module_named("visits", NULL);
+            add_pass(&module, "mark", SPHPA_STAGE_PRESSURE, SPHPA_F(ghost),
+                     SPHPA_F(c) | SPHPA_F(div_v) | SPHPA_F(omega) | SPHPA_F(balsara))
+                ->particle = nothing;
+            if (kinds & 1) {
+                add_pair(&module, "a", SPHPA_STAGE_FORCES, SPHPA_F(x), SPHPA_F(c), visit_pair);
+                add_pair(&module, "b", SPHPA_STAGE_FORCES, SPHPA_F(x), SPHPA_F(omega), NULL)
+                    ->group = visit_group;
+            }
+            if (kinds & 2) {
+                add_pair(&module, "c", SPHPA_STAGE_FORCES, SPHPA_F(x), SPHPA_F(div_v),
+                         visit_pair_too)->ghosts = 1;
+                sphpa_pass *pass = add_pair(&module, "d", SPHPA_STAGE_FORCES, SPHPA_F(x),
+                                            SPHPA_F(balsara), NULL);
+                pass->group = visit_group_too;
+                pass->ghosts = 1;
+            }
+            sphpa_scene scene = scene_of(module);
+            sphpa_particles p = ghostly_set(dim, 700, h[dim - 1]);
+            sphpa_sim_options options = options_of(1e-200);
+            options.integrator = SPHPA_RK2;
+            sphpa_sim *sim = sim_of(&scene, &p, &options);
+            sim_steps(sim, 1); /* three evaluations */
+            size_t passed = 0;
+            for (size_t first = 0; first < p.n; first += SPHPA_LANES_) {
+                size_t end = first + SPHPA_LANES_ < p.n ? first + SPHPA_LANES_ : p.n, real = 0;
+                for (size_t i = first; i < end; i++) real += sim->p.ghost[i] == 0 ? 1u : 0u;
+                passed += real == 0 ? end - first : 0;
+                for (size_t i = first; i < end; i++) {
+                    sphpa_real plain = kinds & 1 && real > 0 ? 3 : 0, all = kinds & 2 ? 3 : 0;
+                    assert_true(sim->p.c[i] == plain && sim->p.omega[i] == plain);
+                    assert_true(sim->p.div_v[i] == all && sim->p.balsara[i] == all);
+                }
+            }
+            assert_true(passed > p.n / 2 && passed < p.n);
+            sim_drop(sim);
+            sphpa_particles_free(&p);
+        }
+}
+
+/* they are neighbours all the same */
+static void ghosts_are_neighbours(void **state) {
+    (void)state;
+    sphpa_module module = module_named("sums", NULL);
+    add_pass(&module, "mark", SPHPA_STAGE_PRESSURE, SPHPA_F(ghost), 0)->particle = nothing;
+    add_pair(&module, "sum", SPHPA_STAGE_FORCES, SPHPA_F(x) | SPHPA_F(m) | SPHPA_F(h),
+             SPHPA_F(P) | SPHPA_F(c) | SPHPA_F(a), sum_pair)->ghosts = 1;
+    add_pair(&module, "count", SPHPA_STAGE_FORCES, SPHPA_F(x), SPHPA_F(div_v), count_pair)->ghosts =
+        1;
+    sphpa_scene scene = scene_of(module);
+    sphpa_particles p = ghostly_set(2, 700, 0.08);
+    sphpa_sim_options options = options_of(1e-200);
+    sphpa_sim *sim = sim_of(&scene, &p, &options);
+    sim_steps(sim, 1);
+    compare_with_all_pairs(sim);
+    sim_drop(sim);
+    sphpa_particles_free(&p);
+}
+
+static double limit_ghosts(const sphpa_sim *sim, const void *params, size_t i) {
+    (void)params;
+    return sim->p.ghost[i] != 0 ? 1e-9 : 0.01;
+}
+
+static sphpa_result push_ghosts(sphpa_sim *sim, void *params, size_t first, size_t last,
+                                size_t *bad) {
+    (void)params, (void)bad;
+    for (size_t i = first; i < last; i++)
+        if (sim->p.ghost[i] != 0) sim->p.a[3 * i] = SPHPA_R(1e8); /* would need tiny steps */
+    return SPHPA_OK;
+}
+
+/* limits, totals, the flow of all and the least u know nothing of ghosts; a bad number is found */
+static void ghosts_do_not_count(void **state) {
+    (void)state;
+    sphpa_module module = module_named("m", NULL);
+    sphpa_pass *limit = add_pass(&module, "limit", SPHPA_STAGE_LIMIT, SPHPA_F(ghost), 0);
+    limit->kind = SPHPA_PASS_REDUCE;
+    limit->limit = limit_ghosts;
+    add_pass(&module, "push", SPHPA_STAGE_FORCES, SPHPA_F(ghost), SPHPA_F(a))->particle =
+        push_ghosts;
+    sphpa_scene scene = scene_of(module);
+    sphpa_particles p = ghostly_set(2, 2500, 0.08); /* several blocks */
+    double mass = 0.0, v[2] = {0.0, 0.0}, inner = 0.0;
+    for (size_t i = 0; i < p.n; i++) {
+        p.u[i] = p.ghost[i] != 0 ? 1e-3 : 2.0 + (double)i;
+        if (p.ghost[i] != 0) p.m[i] = SPHPA_R(1000.0);
+        else mass += (double)p.m[i], inner += (double)p.m[i] * p.u[i];
+        for (size_t a = 0; a < 2 && p.ghost[i] == 0; a++)
+            v[a] += (double)p.m[i] * (double)p.v[3 * i + a];
+    }
+    sphpa_sim *sim = sim_of(&scene, &p, NULL);
+    sphpa_totals totals = sphpa_sim_totals(sim);
+    assert_near(totals.mass, mass, 1e-13);
+    assert_near(totals.internal, inner, 1e-13);
+    for (int a = 0; a < 2; a++) assert_near_abs(totals.momentum[a], v[a], 1e-12 * mass);
+    assert_true(totals.kinetic < mass);
+    double spin = 0.0, centre[2] = {0.0, 0.0};
+    for (size_t i = 0; i < p.n; i++)
+        for (size_t a = 0; a < 2 && p.ghost[i] == 0; a++)
+            centre[a] += (double)p.m[i] * p.x[3 * i + a] / mass;
+    for (size_t i = 0; i < p.n; i++)
+        if (p.ghost[i] == 0)
+            spin += (double)p.m[i] * ((p.x[3 * i] - centre[0]) * (double)p.v[3 * i + 1] -
+                                      (p.x[3 * i + 1] - centre[1]) * (double)p.v[3 * i]);
+    assert_near_abs(totals.angular[2], spin, 1e-12 * mass);
+    sim_steps(sim, 1);
+    assert_true(sim->dt == 0.01 && sim->dt_next == 0.01);
+    for (int a = 0; a < 2; a++) {
+        assert_near_abs(sim->work->flow_v[a], v[a] / mass, FINE(1e-14, 1e-6));
+        double moved = 0.01 * v[a] / mass;
+        assert_near_abs(sim->work->flow_x[a], centre[a] + moved, FINE(1e-13, 1e-6));
+    }
+    double least = 1e300;
+    for (size_t i = 0; i < p.n; i++)
+        if (p.ghost[i] == 0) least = fmin(least, p.u[i]);
+    assert_true(sim->stats.u_least == least && sim->stats.u_below == 0);
+    size_t i = 0;
+    while (sim->p.ghost[i] == 0) i++;
+    sim->p.v[3 * i] = (sphpa_real)NAN;
+    sphpa_error err;
+    assert_true(sphpa_sim_step(sim, HUGE_VAL, &err) != SPHPA_OK);
+    sim_drop(sim);
+    sphpa_particles_free(&p);
+}
+
+static sphpa_result write_ones(sphpa_sim *sim, void *params, size_t first, size_t last,
+                               size_t *bad) {
+    (void)params, (void)bad;
+    for (size_t i = first; i < last; i++) sim->p.P[i] = sim->p.omega[i] = SPHPA_R(1.0);
+    return SPHPA_OK;
+}
+
+/* how often ghosts() came with P among the fields, with all, and with omega alone */
+typedef struct ghost_calls {
+    int P, all, omega;
+} ghost_calls;
+
+static void give_sevens(sphpa_sim *sim, void *params, sphpa_mask fields) {
+    ghost_calls *calls = (ghost_calls *)params;
+    bool P = (fields & SPHPA_F(P)) != 0, omega = (fields & SPHPA_F(omega)) != 0;
+    if (fields == ~(sphpa_mask)0) calls->all++;
+    else if (P) calls->P++;
+    if (omega && !P) calls->omega++;
+    for (size_t i = 0; i < sim->p.n && P; i++)
+        if (sim->p.ghost[i] != 0) sim->p.P[i] = SPHPA_R(7.0);
+}
+
+static sphpa_result read_sevens(sphpa_sim *sim, void *params, size_t first, size_t last,
+                                size_t *bad) {
+    (void)params;
+    for (size_t i = first; i < last; i++)
+        if ((sim->p.ghost[i] != 0) != (sim->p.P[i] == SPHPA_R(7.0))) {
+            *bad = i;
+            return SPHPA_ERROR_STATE;
+        }
+    return SPHPA_OK;
+}
+
+/* what passes wrote of ghosts is given back before the next pass looks */
+static void ghosts_get_their_own_back(void **state) {
+    (void)state;
+    ghost_calls calls = {0, 0, 0};
+    sphpa_module writes = module_named("writes", NULL), gives = module_named("gives", &calls);
+    add_pass(&writes, "ones", SPHPA_STAGE_PRESSURE, SPHPA_F(ghost), SPHPA_F(P) | SPHPA_F(omega))
+        ->particle = write_ones;
+    add_pass(&writes, "look", SPHPA_STAGE_STRESS, SPHPA_F(P), SPHPA_F(omega))->particle =
+        read_sevens;
+    gives.ghosts = give_sevens;
+    sphpa_scene scene = scene_of(writes);
+    assert_int_equal(sphpa_scene_add(&scene, gives), SPHPA_OK);
+    sphpa_particles p = ghostly_set(2, 50, 0.08);
+    sphpa_sim_options options = options_of(1e-3);
+    sphpa_sim *sim = sim_of(&scene, &p, &options);
+    sim_steps(sim, 4);
+    assert_int_equal(calls.P, 5); /* the start's evaluation, too */
+    assert_int_equal(calls.omega, 5);
+    assert_int_equal(calls.all, 5 + 4); /* before each evaluation, and at the end of each step */
     sim_drop(sim);
     sphpa_particles_free(&p);
 }
@@ -1901,6 +2130,10 @@ int main(void) {
         cmocka_unit_test(bad_starts_are_refused),
         cmocka_unit_test(modules_are_set_up_and_torn_down_once),
         cmocka_unit_test(particles_come_and_go),
+        cmocka_unit_test(ghosts_are_passed_over),
+        cmocka_unit_test(ghosts_are_neighbours),
+        cmocka_unit_test(ghosts_do_not_count),
+        cmocka_unit_test(ghosts_get_their_own_back),
         cmocka_unit_test(totals_are_sums),
         cmocka_unit_test(the_report_tells_costs),
         cmocka_unit_test(lanes_know_the_kernels),
