@@ -1417,7 +1417,7 @@ SPHPA_DEF sphpa_result sphpa_tree_friends(const sphpa_tree *tree, const double *
     X(balsara, sphpa_real, 1, "BalsaraFactors", 0, 0, 0, DERIVED, RESET, RESET,                    \
       "|div| / (|div| + |curl|) of v [1]")                                                         \
     X(L, sphpa_real, 9, "VelocityGradients", 0, 0, -1, DERIVED, RESET, RESET,                      \
-      "velocity gradient, of a solid that which strains it [1/s]")                                            \
+      "velocity gradient, of a solid that which strains it [1/s]")                                 \
     X(C, sphpa_real, 6, "CorrectionMatrices", 0, 0, 0, DERIVED, RESET, RESET,                      \
       "correction of the kernel's gradient [1]")                                                   \
     X(ghost, int32_t, 1, "GhostImages", 0, 0, 0, CONSTANT, COPY, COPY,                             \
@@ -1672,10 +1672,9 @@ typedef struct sphpa_group {
 } sphpa_group;
 
 /* Ghosts: particles whose values come from elsewhere, with ghost[i] != 0 (walls, the rim of a
-   region). They are neighbours like all others, but pair passes leave groups of them out, unless
-   they say otherwise, their
-   values are given back by ghosts() of a module when passes wrote them, and limits, totals and the
-   flow of all do not count them. */
+   region). They are neighbours like all others, but pair passes leave groups of them out unless they
+   say otherwise, ghosts() of a module gives them their values back when passes wrote them, and
+   limits, totals and the flow of all do not count them. */
 
 /* A pass. Zeroed members mean none. Particle i writes only i. In FORCES add to p->a, in ENERGY to
    p->du; both are 0 when these stages begin. PAIR passes that follow each other in one stage share
@@ -2405,8 +2404,8 @@ SPHPA_DEF sphpa_grid_sums sphpa_grid_totals(const sphpa_grid *grid);
          and gaps between such narrower than two buffers, but (unless threshold = 0) none within
          `buffer` cells of an outflow edge; buffer those within `buffer` cells of an active one
      (3) particles elsewhere are removed; cells that are new get a lattice whose phase is that of the
-         nearest particle (where there is none: of the mesh, as if it moved with the gas), with exactly the mass, momentum and
-         energy of the cell; buffer cells are filled up where the flow left room; a particle that
+         nearest particle (where there is none: of the mesh, as if it moved with the gas), with
+         exactly the mass, momentum and energy of the cell; buffer cells are filled up where the flow left room; a particle that
          expanded to half a cell's width (beta < 4: twice its first) becomes four
      (4) ghosts get rho, v, P of the mesh at t and at t + dt where they then are, bilinear in space,
          linear in time in between
@@ -2492,7 +2491,8 @@ SPHPA_DEF void sphpa_hybrid_free(sphpa_hybrid *hybrid);
 
 /* The initial state: sphpa_grid_fill of the mesh and, in the cells that (2) makes active or buffer,
    particles with means over `samples` by `samples` points each (samples beta ones in a cell of the
-   mesh without particles; the others hold what their particles hold). Errors of sphpa_grid_fill and of sphpa_sim_create. */
+   mesh without particles; the others hold what their particles hold). Errors of sphpa_grid_fill and
+   of sphpa_sim_create. */
 SPHPA_DEF sphpa_result sphpa_hybrid_fill(sphpa_hybrid *hybrid, sphpa_grid_function function,
                                          void *user, int samples, sphpa_error *err);
 

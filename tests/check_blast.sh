@@ -27,31 +27,12 @@ run() { # run ARGUMENTS..: $status, and the files stdout and stderr
     "$program" $small "$@" > "$work/stdout" 2> "$work/stderr" < /dev/null
     status=$?
 }
-lines() { wc -l < "$1" | tr -d ' '; }
-shows() { # shows FILE PATTERN WHAT
-    grep -Eq -e "$2" "$1" || { failed "$3: no line like \"$2\" in:"; head -n 5 "$1"; }
-}
-refused() { # refused STATUS PATTERN ARGUMENTS..: ends so, with one line on stderr and none on stdout
-    wanted=$1 pattern=$2
-    shift 2
-    run "$@"
-    [ "$status" = "$wanted" ] || failed "$*: exit status $status, not $wanted"
-    [ "$(lines "$work/stderr")" = 1 ] || failed "$*: $(lines "$work/stderr") lines on stderr, not one"
-    [ -s "$work/stdout" ] && failed "$*: prints something although it is refused"
-    shows "$work/stderr" "$pattern" "$*"
-    refusals=$((refusals + 1))
-}
-no_parts() { # no_parts FOLDER
-    parts=$(find "$1" -name '*.part')
-    [ -z "$parts" ] || failed "left behind: $parts"
-}
 below() { # below LIMIT FILE COLUMN WHAT: |number| in every row that is no comment
     awk -v limit="$1" -v c="$3" '!/^#/ { n++; x = $c < 0 ? -$c : $c
         if (!(x <= limit)) bad = $c } END { if (!n) bad = "nothing"; if (bad != "") { print bad; exit 1 } }' \
         "$2" > "$work/bad" || failed "$4: column $3 of $2 has $(cat "$work/bad"), not within $1"
 }
 column() { awk -v c="$2" '!/^#/ { print $c }' "$1"; }
-refusals=0
 
 # ---- what it says of itself ----
 "$program" --help > "$work/help" || failed "--help: exit status $?"

@@ -16,9 +16,6 @@ run() { # run PROGRAM ARGUMENTS..: $status, and the files stdout and stderr
     "$work/examples/$program" "$@" > "$work/stdout" 2> "$work/stderr" < /dev/null
     status=$?
 }
-shows() { # shows FILE PATTERN WHAT
-    grep -Eq -e "$2" "$1" || { failed "$3: no line like \"$2\" in:"; head -n 5 "$1"; }
-}
 refused() { # refused STATUS PATTERN PROGRAM ARGUMENTS..: one line on stderr, none on stdout, no folder
     wanted=$1 pattern=$2
     shift 2

@@ -42,24 +42,6 @@ said() { # the same, not --quiet
     "$program" ${small% --quiet} "$@" > "$work/stdout" 2> "$work/stderr" < /dev/null
     status=$?
 }
-lines() { wc -l < "$1" | tr -d ' '; }
-shows() { # shows FILE PATTERN WHAT
-    grep -Eq -e "$2" "$1" || { failed "$3: no line like \"$2\" in:"; head -n 5 "$1"; }
-}
-refused() { # refused STATUS PATTERN ARGUMENTS..: ends so, with one line on stderr and none on stdout
-    wanted=$1 pattern=$2
-    shift 2
-    run "$@"
-    [ "$status" = "$wanted" ] || failed "$*: exit status $status, not $wanted"
-    [ "$(lines "$work/stderr")" = 1 ] || failed "$*: $(lines "$work/stderr") lines on stderr, not one"
-    [ -s "$work/stdout" ] && failed "$*: prints something although it is refused"
-    shows "$work/stderr" "$pattern" "$*"
-    refusals=$((refusals + 1))
-}
-no_parts() { # no_parts FOLDER
-    parts=$(find "$1" -name '*.part')
-    [ -z "$parts" ] || failed "left behind: $parts"
-}
 same_run() { # same_run ONE OTHER WHAT [LAST]: logs, tables and the datasets; the last output's number
     last=${4:-0020}
     for file in log.txt gauge.dat largest.dat spectrum.dat "palpha_$last.dat" "cut_$last.dat"; do
@@ -77,7 +59,7 @@ same_run() { # same_run ONE OTHER WHAT [LAST]: logs, tables and the datasets; th
     done
 }
 sums() { (cd "$1" && find . -type f -exec cksum {} + | sort -k 3); }
-refusals=0 no_h5py=''
+no_h5py=''
 
 # ---- what it says of itself ----
 "$program" --help > "$work/help" || failed "--help: exit status $?"

@@ -72,3 +72,25 @@ run_tests() {
 symbols() { nm -g "$1" | awk 'NF == 3 && $2 ~ /^[A-TV-Z]$/ { print $3 }' | plain_symbols; }
 undefined_symbols() { nm -u "$1" | awk '{ print $NF }' | plain_symbols; }
 plain_symbols() { if [ "$(uname -s)" = Darwin ]; then sed 's/^_//'; else cat; fi; }
+
+# ---- a program's command line: its script says how it is run: run ARGUMENTS.. sets $status and makes the
+# files stdout and stderr in $work ----
+lines() { wc -l < "$1" | tr -d ' '; }
+shows() { # shows FILE PATTERN WHAT
+    grep -Eq -e "$2" "$1" || { failed "$3: no line like \"$2\" in:"; head -n 5 "$1"; }
+}
+refused() { # refused STATUS PATTERN ARGUMENTS..: ends so, with one line on stderr and none on stdout
+    wanted=$1 pattern=$2
+    shift 2
+    run "$@"
+    [ "$status" = "$wanted" ] || failed "$*: exit status $status, not $wanted"
+    [ "$(lines "$work/stderr")" = 1 ] || failed "$*: $(lines "$work/stderr") lines on stderr, not one"
+    [ -s "$work/stdout" ] && failed "$*: prints something although it is refused"
+    shows "$work/stderr" "$pattern" "$*"
+    refusals=$((refusals + 1))
+}
+no_parts() { # no_parts FOLDER
+    parts=$(find "$1" -name '*.part')
+    [ -z "$parts" ] || failed "left behind: $parts"
+}
+refusals=0
