@@ -1983,6 +1983,9 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
    j is the left state, i the right one; d the dimension; W_i = W(r, h_i).
      (1) rho^_i = sum_j m_j W(r, C h_i) (pilot),   h_i = eta (m_i/rho^_i)^(1/d)
      (2) rho_i = sum_j m_j W_i
+         by_number, for particles of very different masses: m_i in place of m_j in (1) and (2), and
+         in (3), (4), (5) volumes: V_i = m_i/rho_i in place of 1/rho_i and 1/m_i in place of m_j. So
+         a light particle beside heavy ones keeps its rho and its h; with m_j its h collapses
      (3) dv_i/dt = - sum_j m_j P* [V2_i grad W_i + V2_j grad W_j]
      (4) du_i/dt = - sum_j m_j P* (v* n - v_i).[V2_i grad W_i + V2_j grad W_j], with the
          time-centred v_i: what one of a pair loses in (3) and (4), the other gains
@@ -2004,7 +2007,8 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
    (8), a comparison of schemes); van Leer 1974, J. Comput. Phys. 14, 361 (limiter); Sigalotti et al.
    2006, J. Comput. Phys. 212, 124 ((8), (9)); Monaghan 1997, J. Comput. Phys. 136, 298 (10); Morris
    & Monaghan 1997, J. Comput. Phys. 136, 41 (12); Price & Monaghan 2005, MNRAS 364, 384 (alpha_u);
-   Price 2012, J. Comput. Phys. 231, 759 (10, 11).
+   Price 2012, J. Comput. Phys. 231, 759 (10, 11); Ott & Schnetter 2003, arXiv physics/0303112
+   (by_number).
    Needs: gas, riemann. Read next: >>grid.
    ============================================================================================== */
 #undef SPHPA_DEF
@@ -2038,6 +2042,7 @@ typedef struct sphpa_godunov_params {
     int volume;     /* one of the second */
     int own_h;      /* not 0: W(r, h_i) and W(r, h_j) in (2), (3), (4), in place of one W(r, h) with
                        the mean h = (h_i + h_j)/2 */
+    int by_number;  /* not 0: densities and forces by the number of particles, see (2); with a pilot */
     double k, eps;  /* [1] ADKE: of (9); 0 means 1 and 0.5; eps < 0: none, h stays as it begins */
     double sigma;   /* [1] MPM: of (12); 0 means 0.1 */
     int lattice;    /* not 0: (1) and (2) are divided by what they give on a square lattice of uniform
@@ -13227,10 +13232,11 @@ SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_pilot_image_(sphpa_lanes_ d, sphpa_real l
     return d - over + SPHPA_LANES_IF_(d < SPHPA_R(-0.5) * length, whole);
 }
 
-/* sum m_j w(r/H) of a few particles that follow each other, over all that is within `widest` of one
-   of them; H [m] of each lane */
+/* sum m_j w(r/H), or sum w, of a few particles that follow each other, over all that is within
+   `widest` of one of them; H [m] of each lane */
 SPHPA_PRIVATE_ sphpa_lanes_ sphpa_pilot_sum_(const sphpa_sim *sim, int shape, size_t first,
-                                             size_t count, sphpa_lanes_ H, double widest) {
+                                             size_t count, sphpa_lanes_ H, double widest,
+                                             int by_number) {
     const sphpa_tree *tree = &sim->tree;
     sphpa_lanes_ d[3], sum = sphpa_lanes_of_(SPHPA_R(0.0)), per_H = SPHPA_R(1.0) / H, x[3];
     double low[3], high[3], at[3], own[3], reach = widest + 2.0 * sim->work->moved_max;
@@ -13263,15 +13269,16 @@ SPHPA_PRIVATE_ sphpa_lanes_ sphpa_pilot_sum_(const sphpa_sim *sim, int shape, si
                 if (length[a] > 0) d[a] = sphpa_pilot_image_(d[a], length[a]);
                 r2 += d[a] * d[a];
             }
-            sum += sphpa_godunov_w_(shape, r2 * (per_H * per_H)) * sim->p.m[j];
+            sphpa_lanes_ w = sphpa_godunov_w_(shape, r2 * (per_H * per_H));
+            sum += w * (by_number ? SPHPA_R(1.0) : sim->p.m[j]);
         }
     return sum;
 }
 
-/* rho^ = sum_j m_j W(r, C h_i) of [first, last), at the places of this evaluation, into rho
-   (last - first); of others only x and m are read */
+/* rho^ = sum_j m_j W(r, C h_i), or m_i sum_j W, of [first, last), at the places of this evaluation,
+   into rho (last - first); of others only x and m are read */
 SPHPA_PRIVATE_ void sphpa_pilot_density_(const sphpa_sim *sim, const sphpa_real *h, double C,
-                                         size_t first, size_t last, double *rho) {
+                                         int by_number, size_t first, size_t last, double *rho) {
     sphpa_shape_ shape = sphpa_shape_of_(sim);
     double widest, support = sphpa_kernel_support(sim->options.kernel);
     double most = sphpa_pilot_widest_(sim);
@@ -13284,10 +13291,12 @@ SPHPA_PRIVATE_ void sphpa_pilot_density_(const sphpa_sim *sim, const sphpa_real 
             SPHPA_LANE_(H, l) = (sphpa_real)sphpa_min_(wide, most);
             widest = sphpa_max_(widest, support * (double)SPHPA_LANE_(H, l));
         }
-        sphpa_lanes_ sum = sphpa_pilot_sum_(sim, shape.shape, i, count, H, widest);
-        for (size_t l = 0; l < count; l++)
-            rho[i - first + l] = shape.norm * (double)SPHPA_LANE_(sum, l) *
-                         sphpa_kernel_power_(1.0 / (double)SPHPA_LANE_(H, l), shape.dim);
+        sphpa_lanes_ sum = sphpa_pilot_sum_(sim, shape.shape, i, count, H, widest, by_number);
+        for (size_t l = 0; l < count; l++) {
+            double of = shape.norm * (by_number ? (double)sim->p.m[i + l] : 1.0);
+            rho[i - first + l] = of * (double)SPHPA_LANE_(sum, l) *
+                                 sphpa_kernel_power_(1.0 / (double)SPHPA_LANE_(H, l), shape.dim);
+        }
     }
 }
 
@@ -13299,7 +13308,8 @@ SPHPA_PRIVATE_ void sphpa_pilot_(sphpa_sim *sim, const sphpa_godunov_params *god
     int dim = sim->p.dim;
     for (size_t begin = first; begin < last; begin += SPHPA_BLOCK_) {
         size_t end = last - begin < SPHPA_BLOCK_ ? last : begin + SPHPA_BLOCK_;
-        sphpa_pilot_density_(sim, sim->p.h, sphpa_godunov_pilot_c_(god), begin, end, rho);
+        sphpa_pilot_density_(sim, sim->p.h, sphpa_godunov_pilot_c_(god), god->by_number, begin, end,
+                             rho);
         for (size_t i = begin; i < end; i++) {
             if (sphpa_ghost_(&sim->p, i)) continue;
             double volume = (double)sim->p.m[i] * god->norm[1] / rho[i - begin];
@@ -13322,16 +13332,17 @@ SPHPA_PRIVATE_ sphpa_result sphpa_godunov_pilot_(sphpa_sim *sim, void *params, s
 
 typedef struct sphpa_godunov_point_ {
     double x[3];
-    sphpa_real m, h;
+    sphpa_real m, h; /* m: 1 by number */
 } sphpa_godunov_point_;
 
 SPHPA_PRIVATE_ void sphpa_godunov_pack_points_(const sphpa_sim *sim, const void *params,
                                                size_t first, size_t last, void *records) {
-    double narrow = sphpa_godunov_narrow_((const sphpa_godunov_params *)params);
+    const sphpa_godunov_params *god = (const sphpa_godunov_params *)params;
+    double narrow = sphpa_godunov_narrow_(god);
     for (size_t i = first; i < last; i++) {
         sphpa_godunov_point_ *point = (sphpa_godunov_point_ *)records + i;
         sphpa_sim_position_(sim, i, point->x);
-        point->m = sim->p.m[i];
+        point->m = god->by_number ? SPHPA_R(1.0) : sim->p.m[i];
         point->h = (sphpa_real)(narrow * (double)sim->p.h[i]);
     }
 }
@@ -13380,7 +13391,8 @@ SPHPA_PRIVATE_ void sphpa_godunov_density_(sphpa_sim *sim, void *params, const s
     for (size_t l = 0; l < sphpa_lanes_used_(near); l++) {
         size_t i = near->first + l;
         double per_h = wide / (double)sim->p.h[i];
-        sim->p.rho[i] = norm * sphpa_kernel_power_(per_h, shape.dim) * (double)SPHPA_LANE_(sum, l);
+        double of = norm * (god->by_number ? (double)sim->p.m[i] : 1.0);
+        sim->p.rho[i] = of * sphpa_kernel_power_(per_h, shape.dim) * (double)SPHPA_LANE_(sum, l);
     }
 }
 
@@ -13510,9 +13522,10 @@ SPHPA_PRIVATE_ double sphpa_godunov_spread_(const sphpa_sim *sim, const sphpa_go
 /* What the pairs need of a neighbour, in one place. */
 typedef struct sphpa_godunov_record_ {
     double x[3];
-    sphpa_real v[3], m, h, rho, volume, P, c, u; /* volume: 1/rho */
-    sphpa_real H;                                /* [m2/s] of (8) */
-    sphpa_real per_h, scale;                     /* norm/h^(dim+2): dW/dr = scale r w'(q)/q */
+    sphpa_real v[3], m, h, rho, P, c, u;
+    sphpa_real volume, per_m; /* 1/rho and 1; by number m/rho and 1/m */
+    sphpa_real H;             /* [m2/s] of (8) */
+    sphpa_real per_h, scale;  /* norm/h^(dim+2): dW/dr = scale r w'(q)/q */
     sphpa_real g_rho[3], g_P[3], L[6];           /* L: symmetric part, xx yy zz xy yz zx */
 } sphpa_godunov_record_;
 
@@ -13536,7 +13549,9 @@ SPHPA_PRIVATE_ void sphpa_godunov_pack_(const sphpa_sim *sim, const void *params
         }
         record->m = p->m[i];
         record->rho = (sphpa_real)p->rho[i];
-        record->volume = (sphpa_real)(1.0 / p->rho[i]);
+        double m = god->by_number ? (double)p->m[i] : 1.0;
+        record->volume = (sphpa_real)(m / p->rho[i]);
+        record->per_m = (sphpa_real)(1.0 / m);
         record->P = p->P[i];
         record->c = p->c[i];
         record->u = (sphpa_real)p->u[i];
@@ -13553,7 +13568,8 @@ SPHPA_PRIVATE_ void sphpa_godunov_pack_(const sphpa_sim *sim, const void *params
 
 /* The lanes' own numbers and sums, and the pairs of a chunk. */
 typedef struct sphpa_godunov_lanes_ {
-    sphpa_lanes_ x[3], v[3], m, h, rho, volume, P, c, u, H, per_h, scale, g_rho[3], g_P[3], L[6];
+    sphpa_lanes_ x[3], v[3], m, h, rho, volume, per_m, P, c, u, H, per_h, scale;
+    sphpa_lanes_ g_rho[3], g_P[3], L[6];
     sphpa_lanes_ a[3], work, closing; /* sums of (3) and (4), signs turned; the closing speed */
     sphpa_real norm;                  /* of the kernel */
     size_t count, problems;           /* neighbours in the chunk, and their Riemann problems */
@@ -13588,6 +13604,7 @@ SPHPA_PRIVATE_ void sphpa_godunov_own_(const sphpa_group *near, sphpa_godunov_la
     i->P = sphpa_lanes_load_(near, &at->P, stride);
     i->c = sphpa_lanes_load_(near, &at->c, stride);
     i->volume = sphpa_lanes_load_(near, &at->volume, stride);
+    i->per_m = sphpa_lanes_load_(near, &at->per_m, stride);
     i->u = sphpa_lanes_load_(near, &at->u, stride);
     i->h = sphpa_lanes_load_(near, &at->h, stride);
     i->per_h = sphpa_lanes_load_(near, &at->per_h, stride);
@@ -13693,7 +13710,8 @@ SPHPA_FORCE_INLINE_ void sphpa_godunov_push_(int dim, const sphpa_godunov_params
         sphpa_lanes_ per_r = pair->per_r, jump = i->volume - j->volume;
         sphpa_lanes_ D = SPHPA_R(0.5) * (i->volume + j->volume), C = jump * per_r;
         if (cubic) { /* slopes of 1/rho, times r; where r < h/2 they are pulled to the line's */
-            sphpa_lanes_ to_i = -near_i * pair->to_rho[1], to_j = -near_j * pair->to_rho[0];
+            sphpa_lanes_ to_i = -near_i * i->per_m * pair->to_rho[1];
+            sphpa_lanes_ to_j = -near_j * j->per_m * pair->to_rho[0];
             sphpa_lanes_ share = SPHPA_R(4.0) * pair->r * pair->r / (pair->h * pair->h);
             share = -sphpa_lanes_max_(-share, zero - SPHPA_R(1.0));
             to_i = jump + share * (to_i - jump);
@@ -13711,6 +13729,7 @@ SPHPA_FORCE_INLINE_ void sphpa_godunov_push_(int dim, const sphpa_godunov_params
         }
     }
     sphpa_lanes_ g = near_i * pair->gi + near_j * pair->gj;
+    if (god->by_number) g *= i->per_m * j->per_m;
     for (int a = 0; a < dim; a++) i->push[k][a] = g * pair->d[a];
     i->reach[k] = g * pair->r;
 }
@@ -14031,17 +14050,17 @@ SPHPA_PRIVATE_ sphpa_result sphpa_godunov_setup_(sphpa_sim *sim, void *params, s
     if (god->riemann < 0 || god->riemann >= (int)SPHPA_RIEMANN_SOLVERS || god->slopes < 0 ||
         god->slopes > SPHPA_GODUNOV_FLAT || god->volume < 0 || god->volume > SPHPA_GODUNOV_DELTA)
         return sphpa_error_set(err, SPHPA_ERROR_UNKNOWN,
-                               "godunov: riemann = %d (0 to %d), slopes = %d (0 to 2), volume = %d "
+                               "godunov: riemann = %d (0 to %d), slopes = %d (0 to 3), volume = %d "
                                "(0 to 2)", god->riemann, (int)SPHPA_RIEMANN_SOLVERS - 1,
                                god->slopes, god->volume);
     if (!sphpa_finite_(god->pilot))
         return sphpa_error_set(err, SPHPA_ERROR_NOT_FINITE,
                                "godunov: pilot = %g; give 0 for the default, or a positive number",
                                god->pilot);
-    if (god->pilot < 0.0 && (!god->own_h || god->wide))
+    if (god->pilot < 0.0 && (!god->own_h || god->wide || god->by_number))
         return sphpa_error_set(err, SPHPA_ERROR_RANGE,
                                "godunov: h and rho together (pilot = %g) go with own_h and without "
-                               "wide; set own_h, or give a pilot above 0", god->pilot);
+                               "wide and by_number; set own_h, or give a pilot above 0", god->pilot);
     sphpa_godunov_norms_(sim, god);
     return god->pilot < 0.0 ? SPHPA_OK : sphpa_pilot_start_(sim, god, err);
 }
@@ -14106,7 +14125,7 @@ SPHPA_PRIVATE_ double sphpa_adke_eps_(const sphpa_godunov_params *god) {
 /* rho^ of (9) for a block, and its sum of ln rho^ */
 SPHPA_PRIVATE_ double sphpa_adke_block_(sphpa_sim *sim, double *pilot, size_t first, size_t last) {
     double sum = 0.0;
-    sphpa_pilot_density_(sim, sim->p.h0, 1.0, first, last, pilot + first);
+    sphpa_pilot_density_(sim, sim->p.h0, 1.0, 0, first, last, pilot + first);
     for (size_t i = first; i < last; i++) sum += log(pilot[i]);
     return sum;
 }

@@ -16,6 +16,7 @@
 
 #define BLAST_TIMES 64       /* outputs, at most */
 #define BLAST_CONVERGED 16   /* spacings of --convergence, at most */
+#define BLAST_SAMPLES 8      /* along dx, where squares of several sizes are filled */
 #define BLAST_MARGIN 6       /* dx: a signal so close to its edge makes a domain grow */
 #define BLAST_JOULES 4.184e12 /* [J] of a kiloton */
 #define BLAST_PI 3.14159265358979323846
@@ -30,6 +31,7 @@
 #define BLAST_RIEMANN_WORDS "exact|van-leer|hllc|strong"
 #define BLAST_FLAG_WORDS "both|pressure|density"
 #define BLAST_COUPLING_WORDS "conservative|published"
+#define BLAST_DENSITY_WORDS "number|mass"
 #define BLAST_DOMAIN_WORDS "grow|fixed"
 
 enum { BLAST_FVM = 0, BLAST_SPH, BLAST_HYBRID, BLAST_METHODS };
@@ -55,7 +57,8 @@ typedef struct blast_settings {
     double tolerance;      /* [1] of the reference's shock radius */
     double max_seconds;    /* [s] wall clock of a run; 0: no limit */
     long beta, active, buffer;
-    int scheme, kernel, riemann, flag_by, published, fixed;
+    long split;            /* particles along dx where the charge is */
+    int scheme, kernel, riemann, by_mass, flag_by, published, fixed;
     int times;
     double time[BLAST_TIMES]; /* [s] of the outputs, ascending; the last is t_end */
 } blast_settings;
@@ -186,6 +189,7 @@ static void blast_fill_in(blast_settings *s) {
     if (s->radius == 0.0) s->radius = scale;
     if (s->dt_start < 0.0) s->dt_start = 6.25e-11 / scale;
     if (s->published && s->buffer == 0) s->buffer = 1;
+    if (s->split == 0) s->split = s->published ? 1 : 4;
 }
 
 static void blast_parse(int argc, char **argv, blast_settings *s, blast_options *o) {
@@ -202,6 +206,8 @@ static void blast_parse(int argc, char **argv, blast_settings *s, blast_options 
                        "of the particles; sph: summed density, artificial viscosity"),
         example_choice("kernel", BLAST_KERNEL_WORDS, &s->kernel, "of the particles"),
         example_choice("riemann", BLAST_RIEMANN_WORDS, &s->riemann, "solver of gsph"),
+        example_choice("density", BLAST_DENSITY_WORDS, &s->by_mass,
+                       "of gsph: particles are counted, or their masses summed, as the paper's"),
         example_number("eta", "1", &s->eta, 0.8, 3.0, "smoothing length in units of the spacing"),
         example_number("h-max", "m", &s->h_max, 0.0, 1e6, "smoothing lengths stay below; 0: no bound"),
         example_number("pilot", "1", &s->pilot, 1.0, 4.0, "supports of gsph's pilot density"),
@@ -212,6 +218,8 @@ static void blast_parse(int argc, char **argv, blast_settings *s, blast_options 
         example_number("dt-start", "s", &s->dt_start, -1.0, 1.0,
                        "particles' steps <= this step^2 until 18 us; 0: no; -1: the paper's"),
         example_number("dx", "m", &s->dx, 1e-4, 100.0, "spacing of particles, cells of fvm"),
+        example_count("split", &s->split, 0, 64,
+                      "particles along dx where the charge is; 0: 4, or the paper's 1 with its coupling"),
         example_count("beta", &s->beta, 1, 64, "hybrid: the mesh is so many times coarser"),
         example_count("active", &s->active, 0, 1000, "hybrid: cells of particles around flagged"),
         example_count("buffer", &s->buffer, 0, 1000,

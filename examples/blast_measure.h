@@ -30,6 +30,9 @@ static double blast_share(const blast_filler *filler, const double *x) {
         double low = x[0] - w, high = fmin(x[0] + w, r);
         return high > low ? (high * high - low * low) / (4.0 * x[0] * w) : 0.0;
     }
+    double far = sqrt(x[0] * x[0] + x[1] * x[1]);
+    if (far > r + 1.5 * w) return 0.0;
+    if (far < r - 1.5 * w) return 1.0;
     double area = blast_corner_area(x[0] + w, x[1] + w, r) - blast_corner_area(x[0] - w, x[1] + w, r) -
                   blast_corner_area(x[0] + w, x[1] - w, r) + blast_corner_area(x[0] - w, x[1] - w, r);
     return fmin(fmax(area / (4.0 * w * w), 0.0), 1.0);

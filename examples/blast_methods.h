@@ -120,6 +120,7 @@ static sphpa_result blast_make_scene(blast_run *run, sphpa_error *err) {
     god->g2 = s->g2;
     god->riemann = s->riemann;
     god->lattice = 1;
+    god->by_number = !s->by_mass;
     run->first.dt0 = s->dt_start;
     memset(&run->scene, 0, sizeof run->scene);
     sphpa_result result = sphpa_scene_add(&run->scene, blast_scheme(run));
@@ -214,27 +215,58 @@ static bool blast_near_edge_fvm(const blast_run *run) {
 
 /* ---- particles ------------------------------------------------------------------------------- */
 
-/* the lattice of the domain, without what lies in the inner `hole` by `hole` of it */
-static sphpa_result blast_add_lattice(const blast_settings *s, size_t across, size_t hole,
-                                      sphpa_particles *p, sphpa_error *err) {
+/* where particles go: first counted, then put */
+typedef struct blast_placing {
+    const blast_settings *s;
+    sphpa_particles *p; /* NULL: only count */
+    size_t count;       /* so many so far; or the place of the next one */
+} blast_placing;
+
+/* the particles of the square of the lattice whose lower corner is low: one, or split x split */
+static void blast_place(blast_placing *placing, const double low[2]) {
+    const blast_settings *s = placing->s;
     blast_filler filler = {s, s->dx, 0};
-    sphpa_grid_state state;
-    size_t at = 0, low = (across - hole) / 2, high = low + hole;
-    sphpa_result result = sphpa_particles_add(p, across * across - hole * hole, &at, err);
-    for (size_t k = 0; k < across * across && result == SPHPA_OK; k++) {
+    double middle[2] = {low[0] + 0.5 * s->dx, low[1] + 0.5 * s->dx};
+    size_t split = blast_share(&filler, middle) > 0.0 ? (size_t)s->split : 1;
+    double d = filler.width = s->dx / (double)split;
+    for (size_t k = 0; k < split * split; k++, placing->count++) {
+        if (placing->p == NULL) continue;
+        sphpa_grid_state state;
+        size_t at = placing->count;
+        double *x = placing->p->x + 3 * at;
+        x[0] = low[0] + ((double)(k % split) + 0.5) * d;
+        x[1] = low[1] + ((double)(k / split) + 0.5) * d;
+        blast_fill(x, &filler, &state);
+        placing->p->rho[at] = state.rho;
+        placing->p->m[at] = (sphpa_real)(state.rho * d * d);
+        placing->p->h[at] = (sphpa_real)(s->eta * d);
+        placing->p->u[at] = state.P / ((s->gamma - 1.0) * state.rho);
+    }
+}
+
+/* the lattice of the domain, without what lies in the inner `hole` by `hole` of it */
+static void blast_place_all(blast_placing *placing, size_t across, size_t hole) {
+    size_t low = (across - hole) / 2, high = low + hole;
+    for (size_t k = 0; k < across * across; k++) {
         size_t i = k % across, j = k / across;
         if (i >= low && i < high && j >= low && j < high) continue;
-        double *x = p->x + 3 * at;
-        x[0] = ((double)i + 0.5 - 0.5 * (double)across) * s->dx;
-        x[1] = ((double)j + 0.5 - 0.5 * (double)across) * s->dx;
-        blast_fill(x, &filler, &state);
-        p->rho[at] = state.rho;
-        p->m[at] = (sphpa_real)(state.rho * s->dx * s->dx);
-        p->h[at] = (sphpa_real)(s->eta * s->dx);
-        p->u[at] = state.P / ((s->gamma - 1.0) * state.rho);
-        at++;
+        double corner[2] = {((double)i - 0.5 * (double)across) * placing->s->dx,
+                            ((double)j - 0.5 * (double)across) * placing->s->dx};
+        blast_place(placing, corner);
     }
-    return result;
+}
+
+static sphpa_result blast_add_lattice(const blast_settings *s, size_t across, size_t hole,
+                                      sphpa_particles *p, sphpa_error *err) {
+    blast_placing placing = {s, NULL, 0};
+    size_t at = 0;
+    blast_place_all(&placing, across, hole);
+    sphpa_result result = sphpa_particles_add(p, placing.count, &at, err);
+    if (result != SPHPA_OK) return result;
+    placing.p = p;
+    placing.count = at;
+    blast_place_all(&placing, across, hole);
+    return SPHPA_OK;
 }
 
 static sphpa_result blast_start_sph(blast_run *run, const sphpa_particles *p, sphpa_sim *sim,
@@ -272,10 +304,11 @@ static sphpa_result blast_begin_sph(blast_run *run, sphpa_error *err) {
     return result;
 }
 
-/* u that had fallen below 0, where a simulation must not begin */
-static void blast_put_back(sphpa_sim *sim, const sphpa_particles *p, const double *below) {
-    for (size_t i = 0; i < p->n; i++)
-        if (below[i] < 0.0 && sim->p.id[i] == p->id[i]) sim->p.u[i] = below[i];
+/* u that had fallen below 0, where a simulation must not begin; it sorts its particles */
+static void blast_put_back(sphpa_sim *sim, const sphpa_particles *p, const double *below, size_t n) {
+    for (size_t k = 0; k < n; k++)
+        for (size_t i = 0; below[k] < 0.0 && i < sim->p.n; i++)
+            if (sim->p.ghost[i] == 0 && sim->p.id[i] == p->id[k]) sim->p.u[i] = below[k];
 }
 
 /* The particles without their images, and still air around them. */
@@ -284,14 +317,15 @@ static sphpa_result blast_grow_sph(blast_run *run, size_t across, sphpa_error *e
     sphpa_mask also = old->h0 != NULL ? SPHPA_F(h0) : 0;
     size_t n = old->n, before = run->across;
     unsigned char *keep = (unsigned char *)malloc(n);
-    double *below = (double *)calloc(across * across, sizeof *below);
+    double *below = (double *)calloc(n, sizeof *below);
     sphpa_result result = sphpa_particles_create(&p, 2, across * across, also, 0, NULL, 0, err);
     if (result == SPHPA_OK) result = sphpa_particles_append(&p, old, err);
     if (result == SPHPA_OK && (keep == NULL || below == NULL))
         result = sphpa_error_set(err, SPHPA_ERROR_MEMORY, "no memory for %zu particles", n);
     for (size_t i = 0; i < n && result == SPHPA_OK; i++) keep[i] = old->ghost[i] == 0;
     if (result == SPHPA_OK) result = sphpa_particles_remove(&p, keep, err);
-    for (size_t i = 0; result == SPHPA_OK && i < p.n; i++) {
+    size_t kept = result == SPHPA_OK ? p.n : 0;
+    for (size_t i = 0; i < kept; i++) {
         below[i] = p.u[i];
         p.u[i] = fmax(p.u[i], 0.0);
     }
@@ -304,7 +338,7 @@ static sphpa_result blast_grow_sph(blast_run *run, size_t across, sphpa_error *e
         sphpa_sim_free(&run->sim);
         run->across = across;
         result = blast_start_sph(run, &p, &run->sim, err);
-        if (result == SPHPA_OK) blast_put_back(&run->sim, &p, below);
+        if (result == SPHPA_OK) blast_put_back(&run->sim, &p, below, kept);
     }
     free(keep);
     free(below);
@@ -329,7 +363,7 @@ static sphpa_result blast_begin_hybrid(blast_run *run, sphpa_error *err) {
     const blast_settings *s = run->s;
     sphpa_hybrid_options options;
     double width = s->dx * (double)s->beta;
-    blast_filler filler = {s, s->dx, 0};
+    blast_filler filler = {s, s->dx / BLAST_SAMPLES, 0};
     memset(&options, 0, sizeof options);
     run->across = blast_across(run->side, width);
     options.grid = blast_grid_options(s, width, run->across);
@@ -345,8 +379,9 @@ static sphpa_result blast_begin_hybrid(blast_run *run, sphpa_error *err) {
     options.eta = s->eta;
     options.reach = blast_reach(s);
     options.published = s->published;
+    options.mass_max = (1.0 + 1e-9) * s->rho_charge * s->dx * s->dx / (double)(s->split * s->split);
     sphpa_result result = sphpa_hybrid_create(&run->hybrid, &options, err);
-    if (result == SPHPA_OK) result = sphpa_hybrid_fill(&run->hybrid, blast_fill, &filler, 1, err);
+    if (result == SPHPA_OK) result = sphpa_hybrid_fill(&run->hybrid, blast_fill, &filler, BLAST_SAMPLES, err);
     if (result != SPHPA_OK) return result;
     run->begun = sphpa_grid_totals(&run->hybrid.grid);
     run->was = (unsigned char *)malloc(run->hybrid.grid.n);

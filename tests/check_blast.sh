@@ -21,7 +21,7 @@ program=$work/full/examples/blast
 
 # ---- helpers ----
 # 400 particles in 10 m, a reference of 4000 cells
-small='--dx 0.5 --t-end 4e-6 --times 1,2 --tolerance 0.1 --dt-start 0 --size 20 --quiet'
+small='--dx 0.5 --t-end 4e-6 --times 1,2 --tolerance 0.1 --dt-start 0 --size 40 --quiet'
 run() { # run ARGUMENTS..: $status, and the files stdout and stderr
     # shellcheck disable=SC2086 # words
     "$program" $small "$@" > "$work/stdout" 2> "$work/stderr" < /dev/null
@@ -36,8 +36,8 @@ column() { awk -v c="$2" '!/^#/ { print $c }' "$1"; }
 
 # ---- what it says of itself ----
 "$program" --help > "$work/help" || failed "--help: exit status $?"
-for option in yield radius rho-charge rho-air P-air gamma method scheme kernel riemann eta h-max pilot g1 g2 \
-    cfl cfl-mesh dt-start dx beta active buffer threshold flag coupling domain size t-end times tolerance \
+for option in yield radius rho-charge rho-air P-air gamma method scheme kernel riemann density eta h-max pilot g1 g2 \
+    cfl cfl-mesh dt-start dx split beta active buffer threshold flag coupling domain size t-end times tolerance \
     max-seconds convergence kernels out pictures threads quiet; do
     shows "$work/help" "^  --$option" "--help"
 done
@@ -68,6 +68,8 @@ refused 2 'unknown; give one of gsph' --scheme psph
 refused 2 'unknown; give one of cubic' --kernel square
 refused 2 'unknown; give one of conservative.published' --coupling loose
 refused 2 'unknown; give one of grow.fixed' --domain open
+refused 2 'unknown; give one of number.mass' --density weight
+refused 2 'out of range; it goes from' --split -1
 refused 2 'its value is missing' --dx
 refused 2 'takes no value' --kernels=1
 refused 2 'not positive numbers with commas between' --times 1,,2
@@ -96,7 +98,7 @@ say "$refusals bad command lines, one message each"
 run --out "$work/whole"
 [ "$status" = 0 ] || { failed "a plain run: exit status $status"; head -n 5 "$work/stderr"; finish; }
 for line in '^1 kt = 4.184e\+12 J in one metre; charge: radius 1 m, 1000 kg/m3, 5.3272e\+11 Pa; air: 1.225 kg/m3' \
-    '^dx = 0.5 m, until 4 us; ' '^particles: gsph, gaussian kernel, eta 1.5, ' \
+    '^dx = 0.5 m, until 4 us; ' '^particles: gsph, density by number, gaussian kernel, eta 1.5, .* 4 x 4 where the charge is' \
     '^hybrid: beta 4 .mesh 2 m., threshold 0.3 by both, ' '^threads: 1$' '^reference: 1-D' \
     '^all changes are within the tolerance of 0.1 of R' '^shock radius R .m.' '^peak density' '^L1 of the density' \
     '^fvm +[0-9.]+ +[-+][0-9.]+ %' '^sph +[0-9.]+ +[-+]' '^hybrid +[0-9.]+ +[-+]' '^method +CPU s'; do
@@ -167,10 +169,11 @@ say "domains that grow: the same shock, budgets closed; so with what leaves a fi
 run --method hybrid --coupling published --out "$work/published" --pictures off
 [ "$status" = 0 ] || failed "--coupling published: exit status $status"
 shows "$work/stdout" 'buffer 1 cells, coupling published' "--coupling published"
+shows "$work/stdout" ' 1 x 1 where the charge is' "--coupling published"
 below 1 "$work/published/blast_hybrid.log" 11 "--coupling published: mass"
 column "$work/published/blast_hybrid.log" 11 | awk '{ x = $1 < 0 ? -$1 : $1; if (x > 1e-9) leaks = 1 } END { exit !leaks }' ||
     failed "--coupling published does not leak: is it the other one?"
-for words in '--scheme sph' '--riemann hllc' '--kernel wendland-c4' '--dt-start -1 --t-end 1e-9' '--h-max 2' \
+for words in '--density mass --split 2 --h-max 2' '--scheme sph' '--riemann hllc' '--kernel wendland-c4' '--dt-start -1 --t-end 1e-9' '--h-max 2' \
     '--flag pressure --method hybrid' '--beta 2 --method hybrid' '--threshold 1e9 --method hybrid'; do
     # shellcheck disable=SC2086
     run --method sph --pictures off --out "$work/other" $words
@@ -182,11 +185,11 @@ run --method fvm --domain fixed --size 20 --pictures off --out "$work/fine"
 cmp -s "$work/mesh/blast_hybrid_4.dat" "$work/fine/blast_fvm_4.dat" ||
     failed "a hybrid without particles is not the finite volumes of its mesh"
 steps=$(column "$work/whole/blast_sph.log" 7 | tail -n 1)
-run --method sph --dt-start -1 --pilot 1 --h-max 1 --pictures off --out "$work/slow"
+run --method sph --dt-start -1 --pictures off --out "$work/slow"
 slow=$(column "$work/slow/blast_sph.log" 7 | tail -n 1)
 # sum of 6.25e-11 k^2 over k = 1 .. n reaches 4e-6 at n = 58, and one or two more end at each output
 [ "$slow" -ge 57 ] && [ "$slow" -gt "$steps" ] || failed "--dt-start -1: $slow steps to 4 us, $steps without"
-run --kernels --pilot 1 --h-max 1 --out "$work/kernels" --pictures off
+run --kernels --out "$work/kernels" --pictures off
 for kernel in cubic quartic quintic wendland-c2 wendland-c4 wendland-c6 gaussian; do
     shows "$work/stdout" "^$kernel +(yes|NO)" "--kernels"
 done
