@@ -12761,7 +12761,7 @@ SPHPA_PRIVATE_ void sphpa_edges_work_free_(sphpa_edges_work_ *work) {
     SPHPA_FREE(work->last);
 }
 
-#define SPHPA_EDGES_NEAR_ 2.4 /* [1] sizes of a rim's particle within which it looks inwards */
+#define SPHPA_EDGES_NEAR_ 3.4 /* [1] sizes of a rim's particle within which it looks inwards */
 
 /* the tree of those that the rim's particles look at */
 SPHPA_PRIVATE_ sphpa_result sphpa_edges_work_of_(const sphpa_sim *sim,
@@ -12814,45 +12814,6 @@ SPHPA_PRIVATE_ void sphpa_edges_apart_(const sphpa_sim *sim, const double *x_i, 
     }
 }
 
-/* what a particle of the rim sees inwards: means, weighted by kernel and distance along n */
-typedef struct sphpa_edges_view_ {
-    double sum, away; /* of the weights; [m] mean distance along n */
-    double c;
-    double *value;    /* (width) */
-    bool last;        /* nothing is farther out */
-} sphpa_edges_view_;
-
-SPHPA_PRIVATE_ void sphpa_edges_look_(const sphpa_sim *sim, const sphpa_edges_work_ *work, size_t i,
-                                      const double n[3], double size, const sphpa_tree_list *near,
-                                      double *scratch, sphpa_edges_view_ *view) {
-    const sphpa_particles *p = &sim->p;
-    int width = work->list.width;
-    view->sum = view->away = view->c = 0.0;
-    view->last = true;
-    for (int k = 0; k < width; k++) view->value[k] = 0.0;
-    for (size_t m = 0; m < near->count; m++) {
-        size_t j = work->who[near->index[m]];
-        double d[3];
-        sphpa_edges_apart_(sim, p->x + 3 * i, p->x + 3 * j, d);
-        double away = d[0] * n[0] + d[1] * n[1] + d[2] * n[2];
-        double r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-        if (away < -0.5 * size && r2 - away * away < 0.36 * size * size) view->last = false;
-        double w = away > 0.0 ? away * (double)p->m[j] / p->rho[j] *
-                                    sphpa_kernel_w(SPHPA_KERNEL_CUBIC, p->dim, sqrt(r2) / size, 1.2)
-                              : 0.0;
-        if (!(w > 0.0)) continue;
-        sphpa_edges_read_(&work->list, j, scratch);
-        view->sum += w;
-        view->away += w * away;
-        view->c += w * (double)p->c[j];
-        for (int k = 0; k < width; k++) view->value[k] += w * scratch[k];
-    }
-    if (!(view->sum > 0.0)) return;
-    view->away /= view->sum;
-    view->c /= view->sum;
-    for (int k = 0; k < width; k++) view->value[k] /= view->sum;
-}
-
 SPHPA_PRIVATE_ int sphpa_edges_place_(const sphpa_edges_list_ *list, int field) {
     for (int k = 0; k < list->count; k++)
         if (list->number[k] == field) return list->at[k];
@@ -12874,6 +12835,97 @@ SPHPA_FORCE_INLINE_ double sphpa_edges_along_(const double v[3], const double n[
     return v[0] * n[0] + v[1] * n[1] + v[2] * n[2];
 }
 
+/* what a particle of the rim sees about a point inwards of it: means, weighted by a kernel */
+typedef struct sphpa_edges_view_ {
+    double sum, away; /* of the weights; [m] mean distance along n */
+    double c;
+    double *value; /* (width) */
+} sphpa_edges_view_;
+
+SPHPA_PRIVATE_ void sphpa_edges_see_(const sphpa_sim *sim, const sphpa_edges_work_ *work, size_t j,
+                                     double away, double w, double *scratch,
+                                     sphpa_edges_view_ *view) {
+    const sphpa_particles *p = &sim->p;
+    size_t at_v = (size_t)sphpa_edges_place_(&work->list, (int)SPHPA_FIELD_v);
+    w *= (double)p->m[j] / p->rho[j];
+    if (!(w > 0.0)) return;
+    sphpa_edges_read_(&work->list, j, scratch);
+    for (size_t a = 0; a < 3; a++) /* as P is of then */
+        scratch[at_v + a] = 0.5 * ((double)p->start.v[3 * j + a] + (double)p->v[3 * j + a]);
+    scratch[sphpa_edges_place_(&work->list, (int)SPHPA_FIELD_h)] /= sphpa_edges_size_(p, j);
+    view->sum += w;
+    view->away += w * away;
+    view->c += w * (double)p->c[j];
+    for (int k = 0; k < work->list.width; k++) view->value[k] += w * scratch[k];
+}
+
+/* view[0], view[1]: one and two sizes inwards of particle i; view[2]: all that is inwards and near */
+SPHPA_PRIVATE_ bool sphpa_edges_look_(const sphpa_sim *sim, const sphpa_edges_work_ *work, size_t i,
+                                      const double n[3], double size, const sphpa_tree_list *near,
+                                      double *scratch, sphpa_edges_view_ view[3]) {
+    const sphpa_particles *p = &sim->p;
+    int width = work->list.width;
+    bool last = true;
+    for (int v = 0; v < 3; v++) {
+        view[v].sum = view[v].away = view[v].c = 0.0;
+        for (int k = 0; k < width; k++) view[v].value[k] = 0.0;
+    }
+    for (size_t m = 0; m < near->count; m++) {
+        size_t j = work->who[near->index[m]];
+        double d[3];
+        sphpa_edges_apart_(sim, p->x + 3 * i, p->x + 3 * j, d);
+        double away = sphpa_edges_along_(d, n) / size;
+        double r2 = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) / (size * size);
+        double side2 = sphpa_max_(r2 - away * away, 0.0);
+        if (away < -0.5 && side2 < 0.36) last = false;
+        if (away < 0.25) continue;
+        for (int v = 0; v < 3; v++) {
+            double off = v == 2 ? 0.0 : away - 1.0 - v;
+            double w = sphpa_kernel_w(SPHPA_KERNEL_CUBIC, p->dim, sqrt(off * off + side2),
+                                      v == 2 ? 1.7 : 0.7);
+            if (v == 2) w *= away;
+            sphpa_edges_see_(sim, work, j, away * size, w, scratch, view + v);
+        }
+    }
+    for (int v = 0; v < 3; v++) {
+        if (!(view[v].sum > 0.0)) continue;
+        view[v].away /= view[v].sum;
+        view[v].c /= view[v].sum;
+        for (int k = 0; k < width; k++) view[v].value[k] /= view[v].sum;
+    }
+    return last;
+}
+
+/* b, the quadratic through own at 0, a at x_a, and b at x_b, at x, within their range */
+SPHPA_FORCE_INLINE_ double sphpa_edges_between_(double own, double a, double b, double x_a,
+                                                double x_b, double x) {
+    double rise = (a - own) / x_a, then = (b - a) / (x_b - x_a);
+    double value = own + x * (rise + (x - x_a) / x_b * (then - rise));
+    return sphpa_clamp_(value, sphpa_min_(own, sphpa_min_(a, b)), sphpa_max_(own, sphpa_max_(a, b)));
+}
+
+/* view[0] is what comes to particle i, of the numbers own, in a step; false: nothing is to be seen */
+SPHPA_PRIVATE_ bool sphpa_edges_trace_(const sphpa_sim *sim, const sphpa_edges_list_ *list,
+                                       const double n[3], double size, double c, const double *own,
+                                       sphpa_edges_view_ view[3]) {
+    sphpa_edges_view_ *a = view[0].sum > 0.0 ? view : view[1].sum > 0.0 ? view + 1 : view + 2;
+    const sphpa_edges_view_ *b = a == view && view[1].sum > 0.0 ? view + 1 : NULL;
+    if (!(a->sum > 0.0)) return false;
+    size_t at_v = (size_t)sphpa_edges_place_(list, (int)SPHPA_FIELD_v);
+    sphpa_edges_gas_ old = sphpa_edges_gas_of_(list, own, c);
+    double hit = sphpa_edges_along_(a->value + at_v, n) - sphpa_edges_along_(own + at_v, n);
+    double x = sphpa_min_(sim->dt * sphpa_edges_wave_(&old, hit), a->away);
+    if (b != NULL && b->away - a->away < 0.5 * size) b = NULL;
+    for (int k = 0; k < list->width; k++)
+        view[0].value[k] = b != NULL
+                               ? sphpa_edges_between_(own[k], a->value[k], b->value[k], a->away,
+                                                      b->away, x)
+                               : own[k] + x / a->away * (a->value[k] - own[k]);
+    view[0].c = b != NULL ? sphpa_edges_between_(c, a->c, b->c, a->away, b->away, x)
+                          : c + x / a->away * (a->c - c);
+    return true;
+}
+
 /* the new values of a particle of the rim, own: the old ones */
 SPHPA_PRIVATE_ void sphpa_edges_advance_(const sphpa_sim *sim, const sphpa_edges_gas_ *still,
                                          const sphpa_edges_list_ *list, const double n[3],
@@ -12881,21 +12933,19 @@ SPHPA_PRIVATE_ void sphpa_edges_advance_(const sphpa_sim *sim, const sphpa_edges
     sphpa_edges_gas_ in = sphpa_edges_gas_of_(list, view->value, view->c);
     sphpa_edges_gas_ old = sphpa_edges_gas_of_(list, own, c);
     double *u = own + sphpa_edges_place_(list, (int)SPHPA_FIELD_u);
-    double *h = own + sphpa_edges_place_(list, (int)SPHPA_FIELD_h), u_old = *u, h_old = *h;
+    double u_old = *u;
     double v_in = sphpa_edges_along_(in.v, n), v_old = sphpa_edges_along_(old.v, n), v, P;
     sphpa_edges_through_(&in, still, v_in, sphpa_edges_along_(still->v, n), &v, &P);
     double speed = sphpa_edges_wave_(&old, v - v_old);
-    double share = sphpa_min_(sim->dt * speed / view->away, 1.0);
-    double squeeze = sphpa_clamp_(1.0 - sim->dt * (v_in - v_old) / view->away, 0.5, 2.0);
-    for (int k = 0; k < list->width; k++) own[k] += share * (view->value[k] - own[k]);
+    double squeeze = sphpa_clamp_(1.0 - (v - v_old) / speed, 0.5, 2.0);
+    for (int k = 0; k < list->width; k++) own[k] = view->value[k];
     double *v_own = own + sphpa_edges_place_(list, (int)SPHPA_FIELD_v);
     for (int a = 0; a < 3; a++)
-        v_own[a] = old.v[a] + share * (in.v[a] + (v - v_in) * n[a] - old.v[a]);
-    double P_new = old.P + share * (P - old.P), rho = old.rho / squeeze;
-    own[sphpa_edges_place_(list, (int)SPHPA_FIELD_P)] = P_new;
+        v_own[a] = in.v[a] + (v - v_in) * n[a];
+    double rho = old.rho / squeeze;
+    own[sphpa_edges_place_(list, (int)SPHPA_FIELD_P)] = P;
     own[sphpa_edges_place_(list, (int)SPHPA_FIELD_rho)] = rho;
-    *u = sphpa_max_(u_old + 0.5 * (old.P + P_new) * (1.0 / old.rho - 1.0 / rho), 0.5 * u_old);
-    *h = h_old * (sim->p.dim == 1 ? squeeze : sim->p.dim == 2 ? sqrt(squeeze) : cbrt(squeeze));
+    *u = sphpa_max_(u_old + 0.5 * (old.P + P) * (1.0 / old.rho - 1.0 / rho), 0.5 * u_old);
 }
 
 /* all of them, from the values that all have; false: no memory */
@@ -12903,14 +12953,15 @@ SPHPA_PRIVATE_ bool sphpa_edges_follow_(const sphpa_sim *sim, const sphpa_edges_
                                         sphpa_edges_work_ *work) {
     const sphpa_particles *p = &sim->p;
     size_t width = (size_t)work->list.width;
+    size_t at_h = (size_t)sphpa_edges_place_(&work->list, (int)SPHPA_FIELD_h);
     long count = (long)work->n, failed = 0;
     SPHPA_OMP(parallel reduction(+ : failed) if (count > SPHPA_BLOCK_))
     {
         sphpa_tree_list near;
-        sphpa_edges_view_ view;
+        sphpa_edges_view_ view[3];
         memset(&near, 0, sizeof near);
-        double *scratch = (double *)sphpa_alloc_(2 * width, sizeof(double));
-        view.value = scratch + width;
+        double *scratch = (double *)sphpa_alloc_(4 * width, sizeof(double));
+        for (int v = 0; v < 3; v++) view[v].value = scratch + (size_t)(v + 1) * width;
         SPHPA_OMP(for schedule(static))
         for (long k = 0; k < count; k++) {
             size_t i = work->rim[k];
@@ -12925,11 +12976,14 @@ SPHPA_PRIVATE_ bool sphpa_edges_follow_(const sphpa_sim *sim, const sphpa_edges_
                 continue;
             }
             sphpa_edges_read_(&work->list, i, own);
-            sphpa_edges_look_(sim, work, i, n, size, &near, scratch, &view);
-            work->last[k] = view.last;
-            if (view.sum > 0.0)
-                sphpa_edges_advance_(sim, &edges->rim->still[e], &work->list, n, &view,
+            own[at_h] /= size; /* as all h here */
+            work->last[k] = sphpa_edges_look_(sim, work, i, n, size, &near, scratch, view);
+            if (sphpa_edges_trace_(sim, &work->list, n, size, (double)p->c[i], own, view))
+                sphpa_edges_advance_(sim, &edges->rim->still[e], &work->list, n, view,
                                      (double)p->c[i], own);
+            double volume =
+                (double)p->m[i] / own[sphpa_edges_place_(&work->list, (int)SPHPA_FIELD_rho)];
+            own[at_h] *= p->dim == 1 ? volume : p->dim == 2 ? sqrt(volume) : cbrt(volume);
         }
         sphpa_tree_list_free(&near);
         SPHPA_FREE(scratch);
