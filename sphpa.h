@@ -12604,6 +12604,12 @@ SPHPA_PRIVATE_ void sphpa_edges_through_(const sphpa_edges_gas_ *in, const sphpa
         *P = sphpa_edges_behind_(in, v_in - *v, &a);
     }
 }
+/* [m] way of a particle along an axis since the step began, 3 i + axis */
+SPHPA_FORCE_INLINE_ double sphpa_edges_gone_(const sphpa_sim *sim, size_t k) {
+    double v = (double)sim->p.start.v[k];
+    return sim->dt_stage * (sim->committing ? 0.5 * (v + (double)sim->p.v[k]) : v);
+}
+
 /* the images' values of these fields, and of all columns: no mask tells which of them changed */
 SPHPA_PRIVATE_ void sphpa_edges_ghosts_(sphpa_sim *sim, void *params, sphpa_mask fields) {
     const sphpa_edges_params *edges = (const sphpa_edges_params *)params;
@@ -12616,7 +12622,11 @@ SPHPA_PRIVATE_ void sphpa_edges_ghosts_(sphpa_sim *sim, void *params, sphpa_mask
     for (long i = 0; i < n; i++) {
         if (!sphpa_edges_image_(p, (size_t)i)) continue;
         sphpa_edges_turn_ turn = sphpa_edges_turn_of_(edges, p->ghost[i]);
-        sphpa_edges_take_(p, &all, &turn, (size_t)i, (size_t)p->parent[i]);
+        size_t of = (size_t)p->parent[i];
+        for (int a = 0; a < 3 && edges->rim != NULL && !edges->rim->begun; a++)
+            if (sphpa_edges_kind_(edges, a, sphpa_edges_digit_(p->ghost[i], a)) == SPHPA_EDGE_OPEN)
+                turn.twice[a] += 2.0 * sphpa_edges_gone_(sim, 3 * of + (size_t)a);
+        sphpa_edges_take_(p, &all, &turn, (size_t)i, of);
     }
 }
 
@@ -12750,7 +12760,7 @@ typedef struct sphpa_edges_work_ {
     uint32_t *rim;     /* (n) the rim's particles */
     size_t n;
     double *next;      /* (n, width) their new values */
-    unsigned char *last; /* (n) nothing is farther out */
+    double *gap; /* [m] (n) where nothing is farther out: to the next one inwards; else 0 */
 } sphpa_edges_work_;
 
 SPHPA_PRIVATE_ void sphpa_edges_work_free_(sphpa_edges_work_ *work) {
@@ -12758,7 +12768,7 @@ SPHPA_PRIVATE_ void sphpa_edges_work_free_(sphpa_edges_work_ *work) {
     SPHPA_FREE(work->who);
     SPHPA_FREE(work->rim);
     SPHPA_FREE(work->next);
-    SPHPA_FREE(work->last);
+    SPHPA_FREE(work->gap);
 }
 
 #define SPHPA_EDGES_NEAR_ 3.4 /* [1] sizes of a rim's particle within which it looks inwards */
@@ -12777,10 +12787,10 @@ SPHPA_PRIVATE_ sphpa_result sphpa_edges_work_of_(const sphpa_sim *sim,
     work->who = (uint32_t *)sphpa_alloc_(p->n, sizeof(uint32_t));
     work->rim = (uint32_t *)sphpa_alloc_(work->n, sizeof(uint32_t));
     work->next = (double *)sphpa_alloc_(work->n, width * sizeof(double));
-    work->last = (unsigned char *)sphpa_alloc_(work->n, 1);
+    work->gap = (double *)sphpa_alloc_(work->n, sizeof(double));
     double *x = (double *)sphpa_alloc_(p->n, 4 * sizeof(double));
     sphpa_result result = SPHPA_OK;
-    if (work->who == NULL || work->rim == NULL || work->next == NULL || work->last == NULL ||
+    if (work->who == NULL || work->rim == NULL || work->next == NULL || work->gap == NULL ||
         x == NULL)
         result = SPHPA_ERROR_MEMORY;
     for (size_t i = 0, k = 0; i < p->n && result == SPHPA_OK; i++) {
@@ -12859,13 +12869,15 @@ SPHPA_PRIVATE_ void sphpa_edges_see_(const sphpa_sim *sim, const sphpa_edges_wor
     for (int k = 0; k < work->list.width; k++) view->value[k] += w * scratch[k];
 }
 
-/* view[0], view[1]: one and two sizes inwards of particle i; view[2]: all that is inwards and near */
-SPHPA_PRIVATE_ bool sphpa_edges_look_(const sphpa_sim *sim, const sphpa_edges_work_ *work, size_t i,
+/* view[0], view[1]: one and two sizes inwards of particle i; view[2]: all that is inwards and near.
+   [m] to the next one inwards, its size where there is none, or 0 where any is outwards. */
+SPHPA_PRIVATE_ double sphpa_edges_look_(const sphpa_sim *sim, const sphpa_edges_work_ *work, size_t i,
                                       const double n[3], double size, const sphpa_tree_list *near,
                                       double *scratch, sphpa_edges_view_ view[3]) {
     const sphpa_particles *p = &sim->p;
     int width = work->list.width;
     bool last = true;
+    double gap = 1.25;
     for (int v = 0; v < 3; v++) {
         view[v].sum = view[v].away = view[v].c = 0.0;
         for (int k = 0; k < width; k++) view[v].value[k] = 0.0;
@@ -12878,6 +12890,7 @@ SPHPA_PRIVATE_ bool sphpa_edges_look_(const sphpa_sim *sim, const sphpa_edges_wo
         double r2 = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) / (size * size);
         double side2 = sphpa_max_(r2 - away * away, 0.0);
         if (away < -0.5 && side2 < 0.36) last = false;
+        if (away > 0.75 && side2 < 0.36) gap = sphpa_min_(gap, away);
         if (away < 0.25) continue;
         for (int v = 0; v < 3; v++) {
             double off = v == 2 ? 0.0 : away - 1.0 - v;
@@ -12893,7 +12906,7 @@ SPHPA_PRIVATE_ bool sphpa_edges_look_(const sphpa_sim *sim, const sphpa_edges_wo
         view[v].c /= view[v].sum;
         for (int k = 0; k < width; k++) view[v].value[k] /= view[v].sum;
     }
-    return last;
+    return !last ? 0.0 : gap < 1.25 ? gap * size : size;
 }
 
 /* b, the quadratic through own at 0, a at x_a, and b at x_b, at x, within their range */
@@ -12927,7 +12940,7 @@ SPHPA_PRIVATE_ bool sphpa_edges_trace_(const sphpa_sim *sim, const sphpa_edges_l
 }
 
 /* the new values of a particle of the rim, own: the old ones */
-SPHPA_PRIVATE_ void sphpa_edges_advance_(const sphpa_sim *sim, const sphpa_edges_gas_ *still,
+SPHPA_PRIVATE_ void sphpa_edges_advance_(const sphpa_edges_gas_ *still,
                                          const sphpa_edges_list_ *list, const double n[3],
                                          const sphpa_edges_view_ *view, double c, double *own) {
     sphpa_edges_gas_ in = sphpa_edges_gas_of_(list, view->value, view->c);
@@ -12977,9 +12990,9 @@ SPHPA_PRIVATE_ bool sphpa_edges_follow_(const sphpa_sim *sim, const sphpa_edges_
             }
             sphpa_edges_read_(&work->list, i, own);
             own[at_h] /= size; /* as all h here */
-            work->last[k] = sphpa_edges_look_(sim, work, i, n, size, &near, scratch, view);
+            work->gap[k] = sphpa_edges_look_(sim, work, i, n, size, &near, scratch, view);
             if (sphpa_edges_trace_(sim, &work->list, n, size, (double)p->c[i], own, view))
-                sphpa_edges_advance_(sim, &edges->rim->still[e], &work->list, n, view,
+                sphpa_edges_advance_(&edges->rim->still[e], &work->list, n, view,
                                      (double)p->c[i], own);
             double volume =
                 (double)p->m[i] / own[sphpa_edges_place_(&work->list, (int)SPHPA_FIELD_rho)];
@@ -12996,21 +13009,21 @@ SPHPA_PRIVATE_ bool sphpa_edges_follow_(const sphpa_sim *sim, const sphpa_edges_
 
 /* [m] how far the rim has to reach beyond each edge */
 SPHPA_PRIVATE_ void sphpa_edges_depths_(const sphpa_sim *sim, const sphpa_edges_params *edges,
-                                        double depth[6]) {
+                                        double need[6]) {
     const sphpa_particles *p = &sim->p;
-    for (int e = 0; e < 6; e++) depth[e] = edges->rim->depth[e];
+    for (int e = 0; e < 6; e++) need[e] = 0.0;
     for (size_t i = 0; i < p->n; i++)
         for (int e = 0; e < 2 * p->dim && p->ghost[i] == 0; e++) {
             if (sphpa_edges_kind_(edges, e / 2, 1 + e % 2) != SPHPA_EDGE_OPEN) continue;
             double in = sphpa_edges_depth_(edges, p->x + 3 * i, e / 2, 1 + e % 2);
-            depth[e] = sphpa_max_(depth[e], (1.0 + sim->options.skin) *
-                                                (sphpa_edges_reach_(sim, edges, i) - in));
+            need[e] = sphpa_max_(need[e], (1.0 + 0.5 * sim->options.skin) *
+                                              (sphpa_edges_reach_(sim, edges, i) - in));
         }
 }
 
 /* Where the gas of the rim comes in, more of it follows: copies of what is farthest out. */
 SPHPA_PRIVATE_ sphpa_result sphpa_edges_fill_(sphpa_sim *sim, const sphpa_edges_params *edges,
-                                              const double depth[6], const sphpa_edges_work_ *work,
+                                              const double need[6], const sphpa_edges_work_ *work,
                                               bool *filled) {
     sphpa_particles *p = &sim->p;
     sphpa_tree_list near;
@@ -13022,10 +13035,10 @@ SPHPA_PRIVATE_ sphpa_result sphpa_edges_fill_(sphpa_sim *sim, const sphpa_edges_
         double size = sphpa_edges_size_(p, i), q[3], y[3];
         int e;
         double out = sphpa_edges_beyond_(edges, p->x + 3 * i, p->dim, q, &e);
-        if (!work->last[k] || out < 0.0 || out + 1.25 * size > depth[e]) continue;
+        if (!(work->gap[k] > 0.0) || out < 0.0 || out > need[e]) continue;
         double s = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2]);
         if (!(s > 0.0)) continue;
-        for (int a = 0; a < 3; a++) y[a] = p->x[3 * i + (size_t)a] + q[a] * size / s;
+        for (int a = 0; a < 3; a++) y[a] = p->x[3 * i + (size_t)a] + q[a] * work->gap[k] / s;
         result = sphpa_tree_query(&work->tree, y, 0.7 * size, &near);
         bool room = result == SPHPA_OK && near.count == 0;
         for (size_t j = begin; j < p->n && room; j++) {
@@ -13104,12 +13117,12 @@ SPHPA_PRIVATE_ void sphpa_edges_begin_(sphpa_sim *sim, sphpa_edges_params *edges
 
 /* whether one of the rim is so far out that it can go */
 SPHPA_PRIVATE_ bool sphpa_edges_far_(const sphpa_particles *p, const sphpa_edges_params *edges,
-                                     const double depth[6], size_t i) {
+                                     const double need[6], size_t i) {
     double q[3];
     int e;
     if (p->ghost[i] != SPHPA_EDGES_RIM_) return false;
     return sphpa_edges_beyond_(edges, p->x + 3 * i, p->dim, q, &e) >
-           depth[e] + sphpa_edges_size_(p, i);
+           sphpa_max_(edges->rim->depth[e], need[e]) + sphpa_edges_size_(p, i);
 }
 
 /* what moved across edges; then the rim's new values, its gaps filled; keep: (n) what stays, *change: the
@@ -13117,17 +13130,17 @@ SPHPA_PRIVATE_ bool sphpa_edges_far_(const sphpa_particles *p, const sphpa_edges
 SPHPA_PRIVATE_ sphpa_result sphpa_edges_rim_step_(sphpa_sim *sim, sphpa_edges_params *edges,
                                                   bool *change) {
     sphpa_edges_work_ work;
-    double depth[6];
+    double need[6];
     sphpa_result result = sphpa_edges_work_of_(sim, edges, &work);
     if (result == SPHPA_OK && !sphpa_edges_follow_(sim, edges, &work)) result = SPHPA_ERROR_MEMORY;
     if (result == SPHPA_OK) {
-        sphpa_edges_depths_(sim, edges, depth);
+        sphpa_edges_depths_(sim, edges, need);
         for (size_t k = 0; k < work.n; k++)
-            if (sphpa_edges_far_(&sim->p, edges, depth, work.rim[k])) {
+            if (sphpa_edges_far_(&sim->p, edges, need, work.rim[k])) {
                 sim->p.ghost[work.rim[k]] = SPHPA_EDGES_GONE_;
                 *change = true;
             }
-        result = sphpa_edges_fill_(sim, edges, depth, &work, change);
+        result = sphpa_edges_fill_(sim, edges, need, &work, change);
     }
     sphpa_edges_work_free_(&work);
     return result;
