@@ -12760,7 +12760,8 @@ typedef struct sphpa_edges_work_ {
     uint32_t *rim;     /* (n) the rim's particles */
     size_t n;
     double *next;      /* (n, width) their new values */
-    double *gap; /* [m] (n) where nothing is farther out: to the next one inwards; else 0 */
+    double *gap; /* [m] (n, 3) along axes: to the next one inwards where it is beyond an open edge and
+                    nothing is farther out; else 0 */
 } sphpa_edges_work_;
 
 SPHPA_PRIVATE_ void sphpa_edges_work_free_(sphpa_edges_work_ *work) {
@@ -12787,7 +12788,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_edges_work_of_(const sphpa_sim *sim,
     work->who = (uint32_t *)sphpa_alloc_(p->n, sizeof(uint32_t));
     work->rim = (uint32_t *)sphpa_alloc_(work->n, sizeof(uint32_t));
     work->next = (double *)sphpa_alloc_(work->n, width * sizeof(double));
-    work->gap = (double *)sphpa_alloc_(work->n, sizeof(double));
+    work->gap = (double *)sphpa_alloc_(work->n, 3 * sizeof(double));
     double *x = (double *)sphpa_alloc_(p->n, 4 * sizeof(double));
     sphpa_result result = SPHPA_OK;
     if (work->who == NULL || work->rim == NULL || work->next == NULL || work->gap == NULL ||
@@ -12869,15 +12870,31 @@ SPHPA_PRIVATE_ void sphpa_edges_see_(const sphpa_sim *sim, const sphpa_edges_wor
     for (int k = 0; k < work->list.width; k++) view->value[k] += w * scratch[k];
 }
 
-/* view[0], view[1]: one and two sizes inwards of particle i; view[2]: all that is inwards and near.
-   [m] to the next one inwards, its size where there is none, or 0 where any is outwards. */
-SPHPA_PRIVATE_ double sphpa_edges_look_(const sphpa_sim *sim, const sphpa_edges_work_ *work, size_t i,
+/* gap[] of particle i of the rim, which lies beyond the edges along n */
+SPHPA_PRIVATE_ void sphpa_edges_gaps_(const sphpa_sim *sim, const sphpa_edges_work_ *work, size_t i,
+                                      const double n[3], double size, const sphpa_tree_list *near,
+                                      double gap[3]) {
+    for (int a = 0; a < 3; a++) gap[a] = n[a] != 0.0 ? 1.25 * size : 0.0;
+    for (size_t m = 0; m < near->count; m++) {
+        double d[3];
+        sphpa_edges_apart_(sim, sim->p.x + 3 * i, sim->p.x + 3 * (size_t)work->who[near->index[m]], d);
+        double r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+        for (int a = 0; a < 3; a++) {
+            double away = n[a] > 0.0 ? d[a] : -d[a];
+            if (!(gap[a] > 0.0) || r2 - away * away > 0.36 * size * size) continue;
+            if (away < -0.5 * size) gap[a] = 0.0;
+            else if (away > 0.75 * size) gap[a] = sphpa_min_(gap[a], away);
+        }
+    }
+    for (int a = 0; a < 3; a++) gap[a] = gap[a] < 1.25 * size ? gap[a] : size;
+}
+
+/* view[0], view[1]: one and two sizes inwards of particle i; view[2]: all that is inwards and near */
+SPHPA_PRIVATE_ void sphpa_edges_look_(const sphpa_sim *sim, const sphpa_edges_work_ *work, size_t i,
                                       const double n[3], double size, const sphpa_tree_list *near,
                                       double *scratch, sphpa_edges_view_ view[3]) {
     const sphpa_particles *p = &sim->p;
     int width = work->list.width;
-    bool last = true;
-    double gap = 1.25;
     for (int v = 0; v < 3; v++) {
         view[v].sum = view[v].away = view[v].c = 0.0;
         for (int k = 0; k < width; k++) view[v].value[k] = 0.0;
@@ -12889,8 +12906,6 @@ SPHPA_PRIVATE_ double sphpa_edges_look_(const sphpa_sim *sim, const sphpa_edges_
         double away = sphpa_edges_along_(d, n) / size;
         double r2 = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) / (size * size);
         double side2 = sphpa_max_(r2 - away * away, 0.0);
-        if (away < -0.5 && side2 < 0.36) last = false;
-        if (away > 0.75 && side2 < 0.36) gap = sphpa_min_(gap, away);
         if (away < 0.25) continue;
         for (int v = 0; v < 3; v++) {
             double off = v == 2 ? 0.0 : away - 1.0 - v;
@@ -12906,7 +12921,6 @@ SPHPA_PRIVATE_ double sphpa_edges_look_(const sphpa_sim *sim, const sphpa_edges_
         view[v].c /= view[v].sum;
         for (int k = 0; k < width; k++) view[v].value[k] /= view[v].sum;
     }
-    return !last ? 0.0 : gap < 1.25 ? gap * size : size;
 }
 
 /* b, the quadratic through own at 0, a at x_a, and b at x_b, at x, within their range */
@@ -12990,7 +13004,8 @@ SPHPA_PRIVATE_ bool sphpa_edges_follow_(const sphpa_sim *sim, const sphpa_edges_
             }
             sphpa_edges_read_(&work->list, i, own);
             own[at_h] /= size; /* as all h here */
-            work->gap[k] = sphpa_edges_look_(sim, work, i, n, size, &near, scratch, view);
+            sphpa_edges_gaps_(sim, work, i, n, size, &near, work->gap + 3 * k);
+            sphpa_edges_look_(sim, work, i, n, size, &near, scratch, view);
             if (sphpa_edges_trace_(sim, &work->list, n, size, (double)p->c[i], own, view))
                 sphpa_edges_advance_(&edges->rim->still[e], &work->list, n, view,
                                      (double)p->c[i], own);
@@ -13021,6 +13036,20 @@ SPHPA_PRIVATE_ void sphpa_edges_depths_(const sphpa_sim *sim, const sphpa_edges_
         }
 }
 
+/* whether a place is free of the rim's work's particles and of those from `begin` on */
+SPHPA_PRIVATE_ sphpa_result sphpa_edges_free_(const sphpa_sim *sim, const sphpa_edges_work_ *work,
+                                              const double y[3], double radius, size_t begin,
+                                              sphpa_tree_list *near, bool *room) {
+    sphpa_result result = sphpa_tree_query(&work->tree, y, radius, near);
+    *room = result == SPHPA_OK && near->count == 0;
+    for (size_t j = begin; j < sim->p.n && *room; j++) {
+        double d[3];
+        sphpa_edges_apart_(sim, y, sim->p.x + 3 * j, d);
+        *room = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] > radius * radius;
+    }
+    return result;
+}
+
 /* Where the gas of the rim comes in, more of it follows: copies of what is farthest out. */
 SPHPA_PRIVATE_ sphpa_result sphpa_edges_fill_(sphpa_sim *sim, const sphpa_edges_params *edges,
                                               const double need[6], const sphpa_edges_work_ *work,
@@ -13030,27 +13059,21 @@ SPHPA_PRIVATE_ sphpa_result sphpa_edges_fill_(sphpa_sim *sim, const sphpa_edges_
     sphpa_result result = SPHPA_OK;
     size_t begin = p->n;
     memset(&near, 0, sizeof near);
-    for (size_t k = 0; k < work->n && result == SPHPA_OK; k++) {
-        size_t i = work->rim[k], at = 0;
-        double size = sphpa_edges_size_(p, i), q[3], y[3];
+    for (size_t k = 0; k < 3 * work->n && result == SPHPA_OK; k++) {
+        size_t i = work->rim[k / 3], at = 0, a = k % 3;
+        double q[3], y[3];
         int e;
-        double out = sphpa_edges_beyond_(edges, p->x + 3 * i, p->dim, q, &e);
-        if (!(work->gap[k] > 0.0) || out < 0.0 || out > need[e]) continue;
-        double s = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2]);
-        if (!(s > 0.0)) continue;
-        for (int a = 0; a < 3; a++) y[a] = p->x[3 * i + (size_t)a] + q[a] * work->gap[k] / s;
-        result = sphpa_tree_query(&work->tree, y, 0.7 * size, &near);
-        bool room = result == SPHPA_OK && near.count == 0;
-        for (size_t j = begin; j < p->n && room; j++) {
-            double d[3];
-            sphpa_edges_apart_(sim, y, p->x + 3 * j, d);
-            room = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] > 0.49 * size * size;
-        }
-        if (!room) continue;
-        result = sphpa_particles_add(p, 1, &at, NULL);
-        if (result != SPHPA_OK) continue;
+        bool room = false;
+        if (!(work->gap[k] > 0.0)) continue;
+        (void)sphpa_edges_beyond_(edges, p->x + 3 * i, p->dim, q, &e);
+        if (fabs(q[a]) > need[2 * a + (q[a] > 0.0 ? 1 : 0)] || q[a] == 0.0) continue;
+        for (size_t b = 0; b < 3; b++) y[b] = p->x[3 * i + b];
+        y[a] += q[a] > 0.0 ? work->gap[k] : -work->gap[k];
+        result = sphpa_edges_free_(sim, work, y, 0.7 * work->gap[k], begin, &near, &room);
+        if (room) result = sphpa_particles_add(p, 1, &at, NULL);
+        if (!room || result != SPHPA_OK) continue;
         sphpa_particles_copy_(p, at, i);
-        for (size_t a = 0; a < 3; a++) p->x[3 * at + a] = y[a];
+        for (size_t b = 0; b < 3; b++) p->x[3 * at + b] = y[b];
         *filled = true;
     }
     sphpa_tree_list_free(&near);
