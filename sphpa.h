@@ -13066,7 +13066,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_edges_fill_(sphpa_sim *sim, const sphpa_edges_
         bool room = false;
         if (!(work->gap[k] > 0.0)) continue;
         (void)sphpa_edges_beyond_(edges, p->x + 3 * i, p->dim, q, &e);
-        if (fabs(q[a]) > need[2 * a + (q[a] > 0.0 ? 1 : 0)] || q[a] == 0.0) continue;
+        if (fabs(q[a]) > need[2 * a + (q[a] > 0.0 ? 1 : 0)]) continue;
+        if (!(q[a] * (double)p->v[3 * i + a] < 0.0)) continue; /* it does not come in */
         for (size_t b = 0; b < 3; b++) y[b] = p->x[3 * i + b];
         y[a] += q[a] > 0.0 ? work->gap[k] : -work->gap[k];
         result = sphpa_edges_free_(sim, work, y, 0.7 * work->gap[k], begin, &near, &room);
@@ -13289,12 +13290,18 @@ SPHPA_PRIVATE_ sphpa_result sphpa_edges_check_(const sphpa_sim *sim, const void 
                                                sphpa_error *err) {
     const sphpa_edges_params *edges = (const sphpa_edges_params *)params;
     const sphpa_particles *p = &sim->p;
+    sphpa_edges_list_ list;
+    sphpa_edges_list_of_(p, &list);
     for (size_t i = 0; i < p->n; i++) {
         int32_t ghost = p->ghost[i], parent = p->parent[i];
-        bool good = ghost >= 0 && ghost <= 27 && parent >= -64 && (parent >= 0) == (ghost > 1);
-        if (good && ghost > 1)
+        bool image = sphpa_edges_image_(p, i), good = ghost >= 0 && (parent >= 0) == image;
+        if (good && ghost == SPHPA_EDGES_RIM_)
+            good = edges->rim != NULL && edges->rim->begun && edges->rim->width == (size_t)list.width &&
+                   sphpa_edges_slot_(p, i) < edges->rim->count;
+        else good = good && ghost < SPHPA_EDGES_RIM_ && parent >= -64;
+        if (good && image)
             good = (size_t)parent < p->n && !sphpa_edges_image_(p, (size_t)parent);
-        for (int a = 0; a < 3 && good && ghost > 1; a++) {
+        for (int a = 0; a < 3 && good && image; a++) {
             int digit = sphpa_edges_digit_(ghost, a);
             good = digit == 0 || sphpa_edges_kind_(edges, a, digit) != SPHPA_EDGE_NONE;
         }
@@ -13306,25 +13313,99 @@ SPHPA_PRIVATE_ sphpa_result sphpa_edges_check_(const sphpa_sim *sim, const void 
     return SPHPA_OK;
 }
 
+/* one block of numbers, to a checkpoint or from it, where their count must be the same (or at least
+   that: *more is then how many there are) */
+SPHPA_PRIVATE_ sphpa_result sphpa_edges_block_(const char *name, double **number, size_t count,
+                                               size_t *more, sphpa_keep_fn exchange, void *user,
+                                               sphpa_error *err) {
+    void *data = *number;
+    size_t bytes = count * sizeof(double);
+    sphpa_result result = exchange(user, name, &data, &bytes, err);
+    if (result != SPHPA_OK || data == (void *)*number) return result;
+    size_t have = bytes / sizeof(double);
+    *number = (double *)data;
+    if (bytes % sizeof(double) == 0 && (more != NULL ? have >= *more : have == count)) {
+        if (more != NULL) *more = have;
+        return SPHPA_OK;
+    }
+    SPHPA_FREE(data);
+    *number = NULL;
+    return sphpa_error_set(err, SPHPA_ERROR_FORMAT, "%s: %zu bytes, not %zu; the file is damaged", name,
+                           bytes, (more != NULL ? *more : count) * sizeof(double));
+}
+
+enum { SPHPA_EDGES_HEAD_ = 2 + 6 + 36 }; /* numbers before the values in the rim's block */
+
+/* the rim as numbers: begun, width, depths, still gas, values; NULL: no memory */
+SPHPA_PRIVATE_ double *sphpa_edges_rim_numbers_(const sphpa_edges_rim *rim) {
+    size_t values = rim->count * rim->width;
+    double *number = (double *)sphpa_alloc_(SPHPA_EDGES_HEAD_ + values, sizeof(double));
+    if (number == NULL) return NULL;
+    number[0] = rim->begun ? 1.0 : 0.0;
+    number[1] = (double)rim->width;
+    for (int e = 0; e < 6; e++) {
+        const sphpa_edges_gas_ *still = &rim->still[e];
+        const double six[6] = {still->rho, still->P, still->c, still->v[0], still->v[1], still->v[2]};
+        number[2 + e] = rim->depth[e];
+        memcpy(number + 8 + 6 * e, six, sizeof six);
+    }
+    if (values > 0) memcpy(number + SPHPA_EDGES_HEAD_, rim->value, values * sizeof(double));
+    return number;
+}
+
+/* and back, which keeps the block */
+SPHPA_PRIVATE_ sphpa_result sphpa_edges_rim_from_(sphpa_edges_rim *rim, double *number, size_t count,
+                                                  sphpa_error *err) {
+    size_t values = count - SPHPA_EDGES_HEAD_, width = (size_t)sphpa_clamp_(number[1], 0.0, 1e6);
+    if (width > 0 ? values % width != 0 : values != 0)
+        return sphpa_error_set(err, SPHPA_ERROR_FORMAT, "edges rim: %zu numbers, %zu of each particle; "
+                               "the file is damaged", values, width);
+    rim->begun = number[0] != 0.0;
+    rim->width = width;
+    rim->count = width > 0 ? values / width : 0;
+    for (int e = 0; e < 6; e++) {
+        sphpa_edges_gas_ *still = &rim->still[e];
+        const double *six = number + 8 + 6 * e;
+        rim->depth[e] = number[2 + e];
+        still->rho = six[0], still->P = six[1], still->c = six[2];
+        for (int a = 0; a < 3; a++) still->v[a] = six[3 + a];
+    }
+    memmove(number, number + SPHPA_EDGES_HEAD_, values * sizeof(double));
+    SPHPA_FREE(rim->value);
+    rim->value = number;
+    rim->capacity = count;
+    return SPHPA_OK;
+}
+
 SPHPA_PRIVATE_ sphpa_result sphpa_edges_keep_(sphpa_sim *sim, void *params, sphpa_keep_fn exchange,
                                               void *user, sphpa_error *err) {
     sphpa_edges_params *edges = (sphpa_edges_params *)params;
-    double lost[6];
-    void *data = lost;
-    size_t bytes = sizeof lost;
+    double lost[7], *number = lost;
     (void)sim;
     memcpy(lost, edges->lost, sizeof edges->lost);
     lost[5] = (double)edges->lost_count;
-    sphpa_result result = exchange(user, "edges lost", &data, &bytes, err);
-    if (result != SPHPA_OK || data == (void *)lost) return result;
-    if (bytes == sizeof lost) memcpy(lost, data, sizeof lost);
-    SPHPA_FREE(data);
-    if (bytes != sizeof lost)
-        return sphpa_error_set(err, SPHPA_ERROR_FORMAT, "edges: %zu bytes of what crossed them, "
-                               "not %zu; the file is damaged", bytes, sizeof lost);
-    memcpy(edges->lost, lost, sizeof edges->lost);
-    edges->lost_count = (size_t)lost[5];
-    return SPHPA_OK;
+    lost[6] = (double)edges->came_count;
+    sphpa_result result = sphpa_edges_block_("edges lost", &number, 7, NULL, exchange, user, err);
+    if (result == SPHPA_OK && number != lost) {
+        memcpy(edges->lost, number, sizeof edges->lost);
+        edges->lost_count = (size_t)number[5];
+        edges->came_count = (size_t)number[6];
+        SPHPA_FREE(number);
+    }
+    if (result != SPHPA_OK || edges->rim == NULL) return result;
+    double *own = sphpa_edges_rim_numbers_(edges->rim);
+    size_t more = SPHPA_EDGES_HEAD_;
+    if (own == NULL) return sphpa_error_set(err, SPHPA_ERROR_MEMORY, "out of memory");
+    number = own;
+    result = sphpa_edges_block_("edges rim", &number,
+                                more + edges->rim->count * edges->rim->width, &more, exchange, user,
+                                err);
+    if (result == SPHPA_OK && number != own) {
+        result = sphpa_edges_rim_from_(edges->rim, number, more, err);
+        if (result != SPHPA_OK) SPHPA_FREE(number);
+    }
+    SPHPA_FREE(own);
+    return result;
 }
 
 SPHPA_PRIVATE_ void sphpa_edges_teardown_(sphpa_sim *sim, void *params) {
