@@ -13096,17 +13096,18 @@ SPHPA_PRIVATE_ sphpa_result sphpa_edges_rim_new_(const sphpa_sim *sim, sphpa_edg
     return SPHPA_OK;
 }
 
-/* what is beside each open edge: means by mass of what its images reach */
+/* what is beside each open edge: means by mass of what sees across it */
 SPHPA_PRIVATE_ void sphpa_edges_still_(const sphpa_sim *sim, const sphpa_edges_params *edges) {
     const sphpa_particles *p = &sim->p;
     for (int e = 0; e < 2 * p->dim; e++) {
         double sum[7] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0}, depth = 0.0;
+        double support = sphpa_kernel_support(sim->options.kernel);
         int a = e / 2, digit = 1 + e % 2;
         if (sphpa_edges_kind_(edges, a, digit) != SPHPA_EDGE_OPEN) continue;
         for (size_t i = 0; i < p->n; i++) {
             double in = sphpa_edges_depth_(edges, p->x + 3 * i, a, digit);
             if (p->ghost[i] == SPHPA_EDGES_RIM_) depth = sphpa_max_(depth, -in);
-            if (p->ghost[i] != 0 || in > sphpa_edges_reach_(sim, edges, i)) continue;
+            if (p->ghost[i] != 0 || in > support * (double)p->h[i]) continue;
             const double q[7] = {1.0, p->rho[i], (double)p->P[i], (double)p->c[i],
                                  (double)p->v[3 * i], (double)p->v[3 * i + 1],
                                  (double)p->v[3 * i + 2]};
