@@ -12462,14 +12462,14 @@ SPHPA_PRIVATE_ void sphpa_edges_take_(const sphpa_particles *p, const sphpa_edge
 /* the rim's fields: numbers that passes derive or the integrator advances, but for places (its
    particles fly) and c (which the equation of state has of rho and u) */
 typedef struct sphpa_edges_list_ {
-    int count, width;
+    int count, width, v, h, rho, u, P; /* fields; numbers in all, and where these fields begin */
     int number[SPHPA_FIELD_COUNT], components[SPHPA_FIELD_COUNT], at[SPHPA_FIELD_COUNT];
     bool rate[SPHPA_FIELD_COUNT], real[SPHPA_FIELD_COUNT];
     void *data[SPHPA_FIELD_COUNT];
 } sphpa_edges_list_;
 
 SPHPA_PRIVATE_ void sphpa_edges_list_of_(const sphpa_particles *p, sphpa_edges_list_ *list) {
-    list->count = list->width = 0;
+    list->count = list->width = list->v = list->h = list->rho = list->u = list->P = 0;
     for (int field = 0; field < (int)SPHPA_FIELD_COUNT; field++) {
         sphpa_field_info info = sphpa_field_describe((sphpa_field)field);
         bool number = info.type == SPHPA_TYPE_double || info.type == SPHPA_TYPE_sphpa_real;
@@ -12477,6 +12477,11 @@ SPHPA_PRIVATE_ void sphpa_edges_list_of_(const sphpa_particles *p, sphpa_edges_l
             field == (int)SPHPA_FIELD_x || field == (int)SPHPA_FIELD_c)
             continue;
         int k = list->count++;
+        if (field == (int)SPHPA_FIELD_v) list->v = list->width;
+        if (field == (int)SPHPA_FIELD_h) list->h = list->width;
+        if (field == (int)SPHPA_FIELD_rho) list->rho = list->width;
+        if (field == (int)SPHPA_FIELD_u) list->u = list->width;
+        if (field == (int)SPHPA_FIELD_P) list->P = list->width;
         list->number[k] = field;
         list->components[k] = info.components;
         list->at[k] = list->width;
@@ -12825,20 +12830,14 @@ SPHPA_PRIVATE_ void sphpa_edges_apart_(const sphpa_sim *sim, const double *x_i, 
     }
 }
 
-SPHPA_PRIVATE_ int sphpa_edges_place_(const sphpa_edges_list_ *list, int field) {
-    for (int k = 0; k < list->count; k++)
-        if (list->number[k] == field) return list->at[k];
-    return -1;
-}
-
 SPHPA_PRIVATE_ sphpa_edges_gas_ sphpa_edges_gas_of_(const sphpa_edges_list_ *list,
                                                     const double *value, double c) {
     sphpa_edges_gas_ gas;
-    gas.rho = value[sphpa_edges_place_(list, (int)SPHPA_FIELD_rho)];
-    gas.P = value[sphpa_edges_place_(list, (int)SPHPA_FIELD_P)];
+    gas.rho = value[list->rho];
+    gas.P = value[list->P];
     gas.c = c;
     for (int a = 0; a < 3; a++)
-        gas.v[a] = value[sphpa_edges_place_(list, (int)SPHPA_FIELD_v) + a];
+        gas.v[a] = value[list->v + a];
     return gas;
 }
 
@@ -12857,13 +12856,13 @@ SPHPA_PRIVATE_ void sphpa_edges_see_(const sphpa_sim *sim, const sphpa_edges_wor
                                      double away, double w, double *scratch,
                                      sphpa_edges_view_ *view) {
     const sphpa_particles *p = &sim->p;
-    size_t at_v = (size_t)sphpa_edges_place_(&work->list, (int)SPHPA_FIELD_v);
+    size_t at_v = (size_t)work->list.v;
     w *= (double)p->m[j] / p->rho[j];
     if (!(w > 0.0)) return;
     sphpa_edges_read_(&work->list, j, scratch);
     for (size_t a = 0; a < 3; a++) /* as P is of then */
         scratch[at_v + a] = 0.5 * ((double)p->start.v[3 * j + a] + (double)p->v[3 * j + a]);
-    scratch[sphpa_edges_place_(&work->list, (int)SPHPA_FIELD_h)] /= sphpa_edges_size_(p, j);
+    scratch[work->list.h] /= sphpa_edges_size_(p, j);
     view->sum += w;
     view->away += w * away;
     view->c += w * (double)p->c[j];
@@ -12889,38 +12888,30 @@ SPHPA_PRIVATE_ void sphpa_edges_gaps_(const sphpa_sim *sim, const sphpa_edges_wo
     for (int a = 0; a < 3; a++) gap[a] = gap[a] < 1.25 * size ? gap[a] : size;
 }
 
-/* view[0], view[1]: one and two sizes inwards of particle i; view[2]: all that is inwards and near */
+/* What is near a point `steps` sizes inwards of particle i; with 0, all that is inwards and near. */
 SPHPA_PRIVATE_ void sphpa_edges_look_(const sphpa_sim *sim, const sphpa_edges_work_ *work, size_t i,
                                       const double n[3], double size, const sphpa_tree_list *near,
-                                      double *scratch, sphpa_edges_view_ view[3]) {
+                                      double *scratch, double steps, sphpa_edges_view_ *view) {
     const sphpa_particles *p = &sim->p;
     int width = work->list.width;
-    for (int v = 0; v < 3; v++) {
-        view[v].sum = view[v].away = view[v].c = 0.0;
-        for (int k = 0; k < width; k++) view[v].value[k] = 0.0;
-    }
+    double h = steps > 0.0 ? 0.7 : 1.7; /* [1] sizes */
+    view->sum = view->away = view->c = 0.0;
+    for (int k = 0; k < width; k++) view->value[k] = 0.0;
     for (size_t m = 0; m < near->count; m++) {
         size_t j = work->who[near->index[m]];
         double d[3];
         sphpa_edges_apart_(sim, p->x + 3 * i, p->x + 3 * j, d);
-        double away = sphpa_edges_along_(d, n) / size;
+        double away = sphpa_edges_along_(d, n) / size, off = steps > 0.0 ? away - steps : 0.0;
         double r2 = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) / (size * size);
-        double side2 = sphpa_max_(r2 - away * away, 0.0);
-        if (away < 0.25) continue;
-        for (int v = 0; v < 3; v++) {
-            double off = v == 2 ? 0.0 : away - 1.0 - v;
-            double w = sphpa_kernel_w(SPHPA_KERNEL_CUBIC, p->dim, sqrt(off * off + side2),
-                                      v == 2 ? 1.7 : 0.7);
-            if (v == 2) w *= away;
-            sphpa_edges_see_(sim, work, j, away * size, w, scratch, view + v);
-        }
+        double to2 = sphpa_max_(r2 - away * away, 0.0) + off * off;
+        if (away < 0.25 || to2 >= 4.0 * h * h) continue;
+        double w = sphpa_kernel_w(SPHPA_KERNEL_CUBIC, p->dim, sqrt(to2), h);
+        sphpa_edges_see_(sim, work, j, away * size, w, scratch, view);
     }
-    for (int v = 0; v < 3; v++) {
-        if (!(view[v].sum > 0.0)) continue;
-        view[v].away /= view[v].sum;
-        view[v].c /= view[v].sum;
-        for (int k = 0; k < width; k++) view[v].value[k] /= view[v].sum;
-    }
+    if (!(view->sum > 0.0)) return;
+    view->away /= view->sum;
+    view->c /= view->sum;
+    for (int k = 0; k < width; k++) view->value[k] /= view->sum;
 }
 
 /* b, the quadratic through own at 0, a at x_a, and b at x_b, at x, within their range */
@@ -12934,11 +12925,11 @@ SPHPA_FORCE_INLINE_ double sphpa_edges_between_(double own, double a, double b, 
 /* view[0] is what comes to particle i, of the numbers own, in a step; false: nothing is to be seen */
 SPHPA_PRIVATE_ bool sphpa_edges_trace_(const sphpa_sim *sim, const sphpa_edges_list_ *list,
                                        const double n[3], double size, double c, const double *own,
-                                       sphpa_edges_view_ view[3]) {
-    sphpa_edges_view_ *a = view[0].sum > 0.0 ? view : view[1].sum > 0.0 ? view + 1 : view + 2;
+                                       sphpa_edges_view_ view[2]) {
+    const sphpa_edges_view_ *a = view[0].sum > 0.0 ? view : view + 1;
     const sphpa_edges_view_ *b = a == view && view[1].sum > 0.0 ? view + 1 : NULL;
     if (!(a->sum > 0.0)) return false;
-    size_t at_v = (size_t)sphpa_edges_place_(list, (int)SPHPA_FIELD_v);
+    size_t at_v = (size_t)list->v;
     sphpa_edges_gas_ old = sphpa_edges_gas_of_(list, own, c);
     double hit = sphpa_edges_along_(a->value + at_v, n) - sphpa_edges_along_(own + at_v, n);
     double x = sphpa_min_(sim->dt * sphpa_edges_wave_(&old, hit), a->away);
@@ -12959,19 +12950,19 @@ SPHPA_PRIVATE_ void sphpa_edges_advance_(const sphpa_edges_gas_ *still,
                                          const sphpa_edges_view_ *view, double c, double *own) {
     sphpa_edges_gas_ in = sphpa_edges_gas_of_(list, view->value, view->c);
     sphpa_edges_gas_ old = sphpa_edges_gas_of_(list, own, c);
-    double *u = own + sphpa_edges_place_(list, (int)SPHPA_FIELD_u);
+    double *u = own + list->u;
     double u_old = *u;
     double v_in = sphpa_edges_along_(in.v, n), v_old = sphpa_edges_along_(old.v, n), v, P;
     sphpa_edges_through_(&in, still, v_in, sphpa_edges_along_(still->v, n), &v, &P);
     double speed = sphpa_edges_wave_(&old, v - v_old);
     double squeeze = sphpa_clamp_(1.0 - (v - v_old) / speed, 0.5, 2.0);
     for (int k = 0; k < list->width; k++) own[k] = view->value[k];
-    double *v_own = own + sphpa_edges_place_(list, (int)SPHPA_FIELD_v);
+    double *v_own = own + list->v;
     for (int a = 0; a < 3; a++)
         v_own[a] = in.v[a] + (v - v_in) * n[a];
     double rho = old.rho / squeeze;
-    own[sphpa_edges_place_(list, (int)SPHPA_FIELD_P)] = P;
-    own[sphpa_edges_place_(list, (int)SPHPA_FIELD_rho)] = rho;
+    own[list->P] = P;
+    own[list->rho] = rho;
     *u = sphpa_max_(u_old + 0.5 * (old.P + P) * (1.0 / old.rho - 1.0 / rho), 0.5 * u_old);
 }
 
@@ -12980,15 +12971,15 @@ SPHPA_PRIVATE_ bool sphpa_edges_follow_(const sphpa_sim *sim, const sphpa_edges_
                                         sphpa_edges_work_ *work) {
     const sphpa_particles *p = &sim->p;
     size_t width = (size_t)work->list.width;
-    size_t at_h = (size_t)sphpa_edges_place_(&work->list, (int)SPHPA_FIELD_h);
+    size_t at_h = (size_t)work->list.h;
     long count = (long)work->n, failed = 0;
     SPHPA_OMP(parallel reduction(+ : failed) if (count > SPHPA_BLOCK_))
     {
         sphpa_tree_list near;
-        sphpa_edges_view_ view[3];
+        sphpa_edges_view_ view[2];
         memset(&near, 0, sizeof near);
-        double *scratch = (double *)sphpa_alloc_(4 * width, sizeof(double));
-        for (int v = 0; v < 3; v++) view[v].value = scratch + (size_t)(v + 1) * width;
+        double *scratch = (double *)sphpa_alloc_(3 * width, sizeof(double));
+        for (int v = 0; v < 2; v++) view[v].value = scratch + (size_t)(v + 1) * width;
         SPHPA_OMP(for schedule(static))
         for (long k = 0; k < count; k++) {
             size_t i = work->rim[k];
@@ -13005,12 +12996,15 @@ SPHPA_PRIVATE_ bool sphpa_edges_follow_(const sphpa_sim *sim, const sphpa_edges_
             sphpa_edges_read_(&work->list, i, own);
             own[at_h] /= size; /* as all h here */
             sphpa_edges_gaps_(sim, work, i, n, size, &near, work->gap + 3 * k);
-            sphpa_edges_look_(sim, work, i, n, size, &near, scratch, view);
+            for (int v = 0; v < 2; v++)
+                sphpa_edges_look_(sim, work, i, n, size, &near, scratch, v + 1.0, view + v);
+            if (!(view[0].sum + view[1].sum > 0.0))
+                sphpa_edges_look_(sim, work, i, n, size, &near, scratch, 0.0, view);
             if (sphpa_edges_trace_(sim, &work->list, n, size, (double)p->c[i], own, view))
                 sphpa_edges_advance_(&edges->rim->still[e], &work->list, n, view,
                                      (double)p->c[i], own);
             double volume =
-                (double)p->m[i] / own[sphpa_edges_place_(&work->list, (int)SPHPA_FIELD_rho)];
+                (double)p->m[i] / own[work->list.rho];
             own[at_h] *= p->dim == 1 ? volume : p->dim == 2 ? sqrt(volume) : cbrt(volume);
         }
         sphpa_tree_list_free(&near);
