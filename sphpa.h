@@ -1923,10 +1923,9 @@ typedef struct sphpa_viscosity {
          (1) and (2) (Hugoniot's relations); m stays, h keeps to the particle's size
    Gas at rest and uniform flow in and out stay as they are to rounding (not with ADKE: 1e-5, whose
    mean density counts the rim). Where gas comes in, the outermost row is repeated farther out.
-   What comes back of sound at normal incidence, by width of a Gaussian pulse in spacings (width at
-   half height: 2.4 of it): 3: 3 %, 5: 1 %, 10: 0.3 % (gas; Godunov SPH 0.5, 0.4, 0.2 %), of a shock of
-   Mach 2 0.2 %; obliquely (1 - cos)/(1 + cos) of the angle as of all conditions along n: 3 % at 20
-   degrees, 17 % at 45.
+   What comes back of sound that meets the edge along n, of a Gaussian pulse of 3, 5, 10 spacings
+   (half height: 2.4 times that): 3, 1, 0.3 % (gas); 0.5, 0.4, 0.2 % (Godunov SPH); of a shock of Mach
+   2 0.2 %. Obliquely (1 - cos)/(1 + cos) of the angle: 17 % at 45 degrees, 36 % at 60.
    lost[] is what crossed, without the push and work of what is beyond.
    Open edges of solids (a scene with stresses S) are of kind MIRROR: images of the same velocity.
    Right for what flies out faster than sound; sound and shocks come back, as strong as from a wall.
@@ -12479,7 +12478,7 @@ SPHPA_PRIVATE_ void sphpa_edges_take_(const sphpa_particles *p, const sphpa_edge
     sphpa_edges_columns_(p, turn, i, of);
 }
 
-/* ---- the rim beyond open edges: what its particles keep --------------------------------------- */
+/* ---- the rim beyond open edges: what its particles keep -------------------------------------- */
 
 /* the rim's fields: numbers that passes derive or the integrator advances, but for places (its
    particles fly) and c (which the equation of state has of rho and u) */
@@ -12574,9 +12573,9 @@ SPHPA_PRIVATE_ bool sphpa_edges_rim_keep_(const sphpa_particles *p, sphpa_edges_
     return true;
 }
 
-/* ---- the gas that goes through an open edge ---------------------------------------------------- */
+/* ---- the gas that goes through an open edge -------------------------------------------------- */
 
-/* g of the speed g d + sqrt(g^2 d^2 + c^2) of a shock in gas that is hit at the speed d: (gamma + 1)/4 */
+/* rho c^2/P, of an ideal gas gamma */
 SPHPA_PRIVATE_ double sphpa_edges_gamma_(const sphpa_edges_gas_ *gas) {
     return gas->P > 0.0 ? sphpa_clamp_(gas->rho * gas->c * gas->c / gas->P, 1.01, 7.0) : 7.0;
 }
@@ -12602,31 +12601,28 @@ SPHPA_PRIVATE_ double sphpa_edges_behind_(const sphpa_edges_gas_ *gas, double d,
     return gas->P + gas->rho * d * (g * d + root);
 }
 
-/* What `in` becomes at the edge, v[0] along n, outwards: the Riemann problem's state on its side of the
-   contact, where the edge does not lie ahead of the wave that goes back, or within it. */
+/* What `in` becomes at the edge, by its speed outwards: the Riemann problem's state on its side of the
+   contact; where the edge lies ahead of the wave that goes back, or within it, what is there. */
 SPHPA_PRIVATE_ void sphpa_edges_through_(const sphpa_edges_gas_ *in, const sphpa_edges_gas_ *out,
                                          double v_in, double v_out, double *v, double *P) {
-    double z_in = in->rho * in->c, z_out = out->rho * out->c, a, b, slope_in = z_in;
+    double z_in = in->rho * in->c, z_out = out->rho * out->c, a, b, P_in = in->P;
+    *v = v_in;
+    *P = in->P;
+    if (!(z_in > 0.0 && z_out > 0.0)) return; /* cold gas, or nothing was beside the edge */
     double w = (z_in * v_in + z_out * v_out + in->P - out->P) / (z_in + z_out);
-    double P_in = in->P;
-    for (int k = 0; k < 20; k++) {
+    for (int k = 0; k < 20; k++) { /* Newton's method; it begins with weak waves */
         P_in = sphpa_edges_behind_(in, v_in - w, &a);
         double P_out = sphpa_edges_behind_(out, w - v_out, &b), step = (P_in - P_out) / (a + b);
-        slope_in = a;
         if (!(a + b > 1e-12 * (z_in + z_out))) break;
         w += step;
         P_in -= a * step;
         if (fabs(step) <= 1e-14 * (in->c + out->c)) break;
     }
-    (void)slope_in;
     double gamma = sphpa_edges_gamma_(in), d = v_in - w;
-    double head = v_in - (d > 0.0 ? sphpa_edges_wave_(in, d) : in->c);
+    if (v_in - (d > 0.0 ? sphpa_edges_wave_(in, d) : in->c) >= 0.0) return;
     *v = w;
     *P = P_in;
-    if (head >= 0.0) {
-        *v = v_in;
-        *P = in->P;
-    } else if (d < 0.0 && w - (in->c + 0.5 * (gamma - 1.0) * d) > 0.0) { /* within the fan: sonic */
+    if (d < 0.0 && w - (in->c + 0.5 * (gamma - 1.0) * d) > 0.0) { /* within the fan: sonic */
         *v = (2.0 * in->c + (gamma - 1.0) * v_in) / (gamma + 1.0);
         *P = sphpa_edges_behind_(in, v_in - *v, &a);
     }
@@ -12756,7 +12752,7 @@ SPHPA_PRIVATE_ bool sphpa_edges_short_(const sphpa_sim *sim, const sphpa_edges_p
     return false;
 }
 
-/* ---- the rim: its motion ---------------------------------------------------------------------- */
+/* ---- the rim: its motion --------------------------------------------------------------------- */
 
 /* [m] how far x lies beyond open edges, as a vector, and the largest of its components; *e: of
    which edge that is (negative: [m] inside of the nearest) */
@@ -12900,7 +12896,8 @@ SPHPA_PRIVATE_ void sphpa_edges_gaps_(const sphpa_sim *sim, const sphpa_edges_wo
     for (int a = 0; a < 3; a++) gap[a] = n[a] != 0.0 ? 1.25 * size : 0.0;
     for (size_t m = 0; m < near->count; m++) {
         double d[3];
-        sphpa_edges_apart_(sim, sim->p.x + 3 * i, sim->p.x + 3 * (size_t)work->who[near->index[m]], d);
+        size_t j = work->who[near->index[m]];
+        sphpa_edges_apart_(sim, sim->p.x + 3 * i, sim->p.x + 3 * j, d);
         double r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
         for (int a = 0; a < 3; a++) {
             double away = n[a] > 0.0 ? d[a] : -d[a];
@@ -13011,7 +13008,8 @@ SPHPA_PRIVATE_ bool sphpa_edges_follow_(const sphpa_sim *sim, const sphpa_edges_
             int e;
             sphpa_edges_beyond_(edges, p->x + 3 * i, p->dim, n, &e);
             double s = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-            for (int a = 0; a < 3; a++) n[a] = s > 0.0 ? n[a] / s : a == e / 2 ? 2.0 * (e % 2) - 1.0 : 0.0;
+            for (int a = 0; a < 3; a++)
+                n[a] = s > 0.0 ? n[a] / s : a == e / 2 ? 2.0 * (e % 2) - 1.0 : 0.0;
             if (scratch == NULL || sphpa_tree_query(&work->tree, p->x + 3 * i,
                                                     SPHPA_EDGES_NEAR_ * size, &near) != SPHPA_OK) {
                 failed++;
@@ -13099,7 +13097,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_edges_fill_(sphpa_sim *sim, const sphpa_edges_
     return result;
 }
 
-/* ---- the rim: its begin ------------------------------------------------------------------------ */
+/* ---- the rim: how it begins ------------------------------------------------------------------ */
 
 /* room for it where there are open edges; they are mirrors in solids, whose stresses it does not know */
 SPHPA_PRIVATE_ sphpa_result sphpa_edges_rim_new_(const sphpa_sim *sim, sphpa_edges_params *edges,
