@@ -28,7 +28,7 @@
    >>tree        octree along a Hilbert curve: neighbours, lists of groups, friends of friends
    >>particles   a structure of arrays made from one table of fields
    >>sph         scenes, modules and passes; the step, its limits, statistics and timings
-   >>edges       walls and open edges: mirror images of the particles beside them
+   >>edges       walls and open edges: what is beyond the particles beside them
    >>gas         a gas by density summation with grad-h terms
    >>godunov     gases with strong shocks: Godunov SPH, ADKE, MPM
    >>solid       elastic solids: continuity, tensor momentum, Hooke and Jaumann on particles
@@ -1900,20 +1900,38 @@ typedef struct sphpa_viscosity {
 } sphpa_viscosity;
 
 /* ================================================================================================
-   >>edges   walls and open edges: mirror images of the particles beside them
+   >>edges   walls and open edges: what is beyond the particles beside them
    ------------------------------------------------------------------------------------------------
-   A particle at x has an image at 2 e - x beyond an edge at e, and images of images in corners. At a
-   wall the image's velocity is mirrored, so nothing crosses it and what is symmetric about it stays
-   so to rounding; at an open edge it is the same velocity, and what crosses is removed: right for
-   what flies out faster than sound. Slower gas is not pulled along: images are as near to the edge
-   as their particles, so sound and shocks come back from it, as strong as from a wall (make verify
-   ARGS="--only open-edge"). Images have every field of their particle, vectors and tensors
-   mirrored; slopes across an open edge are 0. lost[] is what crossed, without the push and work of
-   what is beyond.
-   Images are made within (1 + 2 skin) supports of an edge, anew when a particle may come, in the
-   next step, within (1 + skin/2) supports that has none. A step takes a particle no farther towards
-   a wall than `flight` of h.
-   References: Randles & Libersky 1996, Comput. Methods Appl. Mech. Eng. 139, 375 (ghosts).
+   A particle at x has an image at 2 e - x beyond a wall at e, and images of images in corners. The
+   image's velocity is mirrored, so nothing crosses the wall and what is symmetric about it stays so
+   to rounding. Images have every field of their particle, vectors and tensors mirrored. They are
+   made within (1 + 2 skin) supports of an edge, anew when a particle may come, in the next step,
+   within (1 + skin/2) supports that has none. A step takes a particle no farther towards a wall than
+   `flight` of h.
+   Beyond an open edge gas goes on in a rim of particles that begin as mirror images, then fly with
+   their own velocity and have no forces: what crosses the edge joins them, what crosses back is gas
+   of the scene again. All waves that they know run outwards, along n, from the edge:
+     (1) q = q(x - n a dt), the quadratic through the particle's own value and two means by the
+         kernel, one and two spacings inwards, within the range of these three; for v, P and all that
+         passes derive. a is the speed of the wave in the particle's gas: a = g d + sqrt(g^2 d^2 +
+         c^2), d = n . (v inwards - v), g = (gamma + 1)/4, gamma = rho c^2/P: of a shock in an ideal
+         gas, c for sound
+     (2) v . n and P become those of the Riemann problem between q and the gas that was beside the
+         edge at the beginning, on q's side of the contact: nothing comes in but by that gas. With a
+         flow faster than sound, q as it is
+     (3) rho -> rho/(1 - dv/a), u -> u + (P + P_old)/2 (1/rho_old - 1/rho), dv the change of v . n by
+         (1) and (2) (Hugoniot's relations); m stays, h keeps to the particle's size
+   Gas at rest and uniform flow in and out stay as they are to rounding (not with ADKE: 1e-5, whose
+   mean density counts the rim). Where gas comes in, the outermost row is repeated farther out.
+   What comes back of sound that meets the edge along n, of a Gaussian pulse of 3, 5, 10 spacings
+   (half height: 2.4 times that): 3, 1, 0.3 % (gas); 0.5, 0.4, 0.2 % (Godunov SPH); of a shock of Mach
+   2 0.2 %. Obliquely (1 - cos)/(1 + cos) of the angle: 17 % at 45 degrees, 36 % at 60.
+   lost[] is what crossed, without the push and work of what is beyond.
+   Open edges of solids (a scene with stresses S) are of kind MIRROR: images of the same velocity.
+   Right for what flies out faster than sound; sound and shocks come back, as strong as from a wall.
+   References: Randles & Libersky 1996, Comput. Methods Appl. Mech. Eng. 139, 375 (ghosts); Lastiwka,
+   Basa & Quinlan 2009, Int. J. Numer. Meth. Fluids 61, 709 (characteristics at edges of SPH); Tafuni
+   et al. 2018, Comput. Methods Appl. Mech. Eng. 342, 604 (rims of particles that come and go).
    Needs: sph. Read next: >>gas.
    ============================================================================================== */
 #undef SPHPA_DEF
@@ -1922,16 +1940,21 @@ typedef struct sphpa_viscosity {
 enum {
     SPHPA_EDGE_NONE = 0, /* particles end somewhere; beyond is nothing */
     SPHPA_EDGE_WALL,     /* slip: nothing crosses, nothing rubs */
-    SPHPA_EDGE_OPEN      /* what crosses is gone */
+    SPHPA_EDGE_OPEN,     /* what crosses is gone, sound and shocks with it */
+    SPHPA_EDGE_MIRROR    /* what crosses is gone; beyond are mirror images, which send sound back */
 };
+
+struct sphpa_edges_rim;
 
 typedef struct sphpa_edges_params {
     double low[3], high[3];         /* [m] where the edges are */
     int edge_low[3], edge_high[3];  /* one of the above; not on a periodic axis */
     double reach;     /* [1] supports within which images are needed; 0 means 1 (a Godunov scene
                          with a pilot density: its C, or h beside walls is a little too large) */
-    double lost[5];   /* out: mass [kg], momentum [kg m/s], energy [J] that crossed open edges */
-    size_t lost_count;
+    double lost[5];   /* out: mass [kg], momentum [kg m/s], energy [J] that crossed open edges, less
+                         what came in */
+    size_t lost_count, came_count; /* out: particles that went out, and that came in */
+    struct sphpa_edges_rim *rim;   /* private: gas beyond open edges */
 } sphpa_edges_params;
 
 /* Any dimension, any scheme. Add it before or after the others. Setup: ERROR_NOT_FINITE, ERROR_RANGE
@@ -12249,9 +12272,28 @@ SPHPA_EXTERN_C_BEGIN_
    >>edges   implementation
    ============================================================================================== */
 
+/* ghost of the gas beyond open edges: an own particle, as those inside, of no other's image */
+#define SPHPA_EDGES_RIM_ 28
+#define SPHPA_EDGES_GONE_ 29 /* it is removed at once */
+
 SPHPA_FORCE_INLINE_ bool sphpa_edges_image_(const sphpa_particles *p, size_t i) {
-    return p->ghost[i] > 1;
+    return p->ghost[i] > 1 && p->ghost[i] < SPHPA_EDGES_RIM_;
 }
+
+/* a state of gas: what goes through an edge with sound */
+typedef struct sphpa_edges_gas_ {
+    double rho, P, c, v[3];
+} sphpa_edges_gas_;
+
+/* the gas beyond open edges */
+typedef struct sphpa_edges_rim {
+    bool begun;                /* it is no longer made of images, as it is in the first step */
+    double depth[6];           /* [m] how far it reaches at least, by edge */
+    sphpa_edges_gas_ still[6]; /* what was beside each edge at the beginning */
+    size_t count, width;       /* its particles; numbers of each */
+    double *value;             /* (count, width) what ghosts() gives back to each, by its slot */
+    size_t capacity;           /* numbers that value has room for */
+} sphpa_edges_rim;
 
 /* the image's edge on axis a: 0 none, 1 low, 2 high */
 SPHPA_FORCE_INLINE_ int sphpa_edges_digit_(int ghost, int a) {
@@ -12261,6 +12303,13 @@ SPHPA_FORCE_INLINE_ int sphpa_edges_digit_(int ghost, int a) {
 
 SPHPA_FORCE_INLINE_ int sphpa_edges_kind_(const sphpa_edges_params *edges, int a, int digit) {
     return digit == 0 ? SPHPA_EDGE_NONE : digit == 1 ? edges->edge_low[a] : edges->edge_high[a];
+}
+
+/* whether beyond that side are images */
+SPHPA_FORCE_INLINE_ bool sphpa_edges_mirrors_(const sphpa_edges_params *edges, int a, int digit) {
+    int kind = sphpa_edges_kind_(edges, a, digit);
+    return kind != SPHPA_EDGE_NONE &&
+           (kind != SPHPA_EDGE_OPEN || edges->rim == NULL || !edges->rim->begun);
 }
 
 /* [m] from the edge of that side inwards; infinity where there is none */
@@ -12275,6 +12324,7 @@ SPHPA_FORCE_INLINE_ double sphpa_edges_ahead_(const sphpa_sim *sim, const sphpa_
                                               int e, size_t i) {
     double v = (double)sim->p.v[3 * i + (size_t)(e / 2)];
     double dt = sphpa_max_(sim->options.dt_growth * sim->dt_free, sim->options.dt_fixed);
+    if (!sphpa_edges_mirrors_(edges, e / 2, 1 + e % 2)) return HUGE_VAL;
     return sphpa_edges_depth_(edges, sim->p.x + 3 * i, e / 2, 1 + e % 2) -
            dt * sphpa_max_(e % 2 == 0 ? -v : v, 0.0);
 }
@@ -12290,11 +12340,14 @@ SPHPA_FORCE_INLINE_ double sphpa_edges_reach_(const sphpa_sim *sim, const sphpa_
    edge on the other side has to have its image */
 SPHPA_PRIVATE_ void sphpa_edges_bands_(const sphpa_sim *sim, const sphpa_edges_params *edges,
                                        double band[6]) {
-    for (int e = 0; e < 6; e++) band[e] = 0.0;
-    for (size_t i = 0; i < sim->p.n; i++)
-        for (int e = 0; e < 2 * sim->p.dim && !sphpa_edges_image_(&sim->p, i); e++)
-            band[e] = sphpa_max_(band[e], sphpa_edges_reach_(sim, edges, i) -
-                                              sphpa_edges_ahead_(sim, edges, e, i));
+    for (int e = 0; e < 6; e++) {
+        band[e] = 0.0;
+        if (e >= 2 * sim->p.dim || !sphpa_edges_mirrors_(edges, e / 2, 1 + e % 2)) continue;
+        for (size_t i = 0; i < sim->p.n; i++)
+            if (!sphpa_edges_image_(&sim->p, i))
+                band[e] = sphpa_max_(band[e], sphpa_edges_reach_(sim, edges, i) -
+                                                  sphpa_edges_ahead_(sim, edges, e, i));
+    }
 }
 
 /* The first particle whose support reaches across an edge and all images beyond, where images of
@@ -12303,8 +12356,10 @@ SPHPA_PRIVATE_ size_t sphpa_edges_narrow_(const sphpa_sim *sim, const sphpa_edge
     const sphpa_particles *p = &sim->p;
     for (size_t i = 0; i < p->n; i++)
         for (int a = 0; a < p->dim && !sphpa_edges_image_(p, i); a++) {
-            double low = sphpa_edges_depth_(edges, p->x + 3 * i, a, 1);
-            double high = sphpa_edges_depth_(edges, p->x + 3 * i, a, 2);
+            double low = sphpa_edges_mirrors_(edges, a, 1)
+                             ? sphpa_edges_depth_(edges, p->x + 3 * i, a, 1) : HUGE_VAL;
+            double high = sphpa_edges_mirrors_(edges, a, 2)
+                              ? sphpa_edges_depth_(edges, p->x + 3 * i, a, 2) : HUGE_VAL;
             if (sphpa_edges_reach_(sim, edges, i) - sphpa_min_(low, high) > low + high) return i;
         }
     return p->n;
@@ -12321,9 +12376,14 @@ SPHPA_PRIVATE_ unsigned sphpa_edges_near_(const sphpa_sim *sim, const sphpa_edge
     return bits;
 }
 
-/* real particles remember in `parent` which edges they have images beyond: -1 less these bits */
+/* own particles remember in `parent` which edges they have images beyond, and those of a rim their
+   slot in it: -1 less the bits and 64 times the slot */
 SPHPA_FORCE_INLINE_ unsigned sphpa_edges_bits_(const sphpa_particles *p, size_t i) {
-    return (unsigned)(-1 - p->parent[i]);
+    return (unsigned)(-1 - p->parent[i]) & 63u;
+}
+
+SPHPA_FORCE_INLINE_ size_t sphpa_edges_slot_(const sphpa_particles *p, size_t i) {
+    return (size_t)(-1 - p->parent[i]) >> 6;
 }
 
 /* ---- an image's values ----------------------------------------------------------------------- */
@@ -12342,7 +12402,8 @@ SPHPA_PRIVATE_ sphpa_edges_turn_ sphpa_edges_turn_of_(const sphpa_edges_params *
         int digit = sphpa_edges_digit_(ghost, a), kind = sphpa_edges_kind_(edges, a, digit);
         turn.sign[a] = digit == 0 ? 1.0 : -1.0;
         turn.flow[a] = kind == SPHPA_EDGE_WALL ? -1.0 : 1.0;
-        turn.slope[a] = kind == SPHPA_EDGE_OPEN ? 0.0 : turn.sign[a];
+        bool open = kind == SPHPA_EDGE_OPEN || kind == SPHPA_EDGE_MIRROR;
+        turn.slope[a] = open ? 0.0 : turn.sign[a];
         turn.twice[a] = digit == 0 ? 0.0 : 2.0 * (digit == 1 ? edges->low[a] : edges->high[a]);
     }
     return turn;
@@ -12422,18 +12483,178 @@ SPHPA_PRIVATE_ void sphpa_edges_take_(const sphpa_particles *p, const sphpa_edge
     sphpa_edges_columns_(p, turn, i, of);
 }
 
+/* ---- the rim beyond open edges: what its particles keep -------------------------------------- */
+
+/* the rim's fields: numbers that passes derive or the integrator advances, but for places (its
+   particles fly) and c (which the equation of state has of rho and u) */
+typedef struct sphpa_edges_list_ {
+    int count, width, v, h, rho, u, P; /* fields; numbers in all, and where these fields begin */
+    int number[SPHPA_FIELD_COUNT], components[SPHPA_FIELD_COUNT], at[SPHPA_FIELD_COUNT];
+    bool rate[SPHPA_FIELD_COUNT], real[SPHPA_FIELD_COUNT];
+    void *data[SPHPA_FIELD_COUNT];
+} sphpa_edges_list_;
+
+SPHPA_PRIVATE_ void sphpa_edges_list_of_(const sphpa_particles *p, sphpa_edges_list_ *list) {
+    list->count = list->width = list->v = list->h = list->rho = list->u = list->P = 0;
+    for (int field = 0; field < (int)SPHPA_FIELD_COUNT; field++) {
+        sphpa_field_info info = sphpa_field_describe((sphpa_field)field);
+        bool number = info.type == SPHPA_TYPE_double || info.type == SPHPA_TYPE_sphpa_real;
+        if (!number || !sphpa_has_(p->fields, field) || info.role == SPHPA_ROLE_CONSTANT ||
+            field == (int)SPHPA_FIELD_x || field == (int)SPHPA_FIELD_c)
+            continue;
+        int k = list->count++;
+        if (field == (int)SPHPA_FIELD_v) list->v = list->width;
+        if (field == (int)SPHPA_FIELD_h) list->h = list->width;
+        if (field == (int)SPHPA_FIELD_rho) list->rho = list->width;
+        if (field == (int)SPHPA_FIELD_u) list->u = list->width;
+        if (field == (int)SPHPA_FIELD_P) list->P = list->width;
+        list->number[k] = field;
+        list->components[k] = info.components;
+        list->at[k] = list->width;
+        list->width += info.components;
+        list->rate[k] = info.role == SPHPA_ROLE_RATE;
+        list->real[k] = info.type == SPHPA_TYPE_sphpa_real;
+        list->data[k] = sphpa_particles_data(p, (sphpa_field)field, 0);
+    }
+}
+
+/* all numbers of particle i: its fields', one after another; rates are 0 */
+SPHPA_PRIVATE_ void sphpa_edges_read_(const sphpa_edges_list_ *list, size_t i, double *value) {
+    for (int k = 0; k < list->count; k++) {
+        size_t from = i * (size_t)list->components[k];
+        for (int c = 0; c < list->components[k]; c++)
+            value[list->at[k] + c] =
+                list->rate[k]   ? 0.0
+                : list->real[k] ? (double)((const sphpa_real *)list->data[k])[from + (size_t)c]
+                                : ((const double *)list->data[k])[from + (size_t)c];
+    }
+}
+
+/* and back, of some fields */
+SPHPA_PRIVATE_ void sphpa_edges_write_(const sphpa_edges_list_ *list, size_t i, sphpa_mask fields,
+                                       const double *value) {
+    for (int k = 0; k < list->count; k++) {
+        size_t to = i * (size_t)list->components[k];
+        if (!sphpa_has_(fields, list->number[k])) continue;
+        for (int c = 0; c < list->components[k]; c++) {
+            double number = value[list->at[k] + c];
+            if (list->real[k]) ((sphpa_real *)list->data[k])[to + (size_t)c] = (sphpa_real)number;
+            else ((double *)list->data[k])[to + (size_t)c] = number;
+        }
+    }
+}
+
+/* the rim's particles get back what is theirs */
+SPHPA_PRIVATE_ void sphpa_edges_rim_give_(const sphpa_particles *p, const sphpa_edges_rim *rim,
+                                          sphpa_mask fields) {
+    sphpa_edges_list_ list;
+    if (rim == NULL || !rim->begun) return;
+    sphpa_edges_list_of_(p, &list);
+    long n = (long)p->n;
+    SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_LIGHT_ * SPHPA_BLOCK_))
+    for (long i = 0; i < n; i++)
+        if (p->ghost[i] == SPHPA_EDGES_RIM_)
+            sphpa_edges_write_(&list, (size_t)i, fields,
+                               rim->value + rim->width * sphpa_edges_slot_(p, (size_t)i));
+}
+
+/* gives the rim's particles their slots, in the order of the particles, and keeps their fields */
+SPHPA_PRIVATE_ bool sphpa_edges_rim_keep_(const sphpa_particles *p, sphpa_edges_rim *rim) {
+    sphpa_edges_list_ list;
+    sphpa_edges_list_of_(p, &list);
+    size_t count = 0;
+    for (size_t i = 0; i < p->n; i++) count += p->ghost[i] == SPHPA_EDGES_RIM_ ? 1u : 0u;
+    rim->width = (size_t)list.width;
+    void *value = rim->value;
+    bool done = sphpa_grow_(&value, &rim->capacity, count * rim->width, sizeof(double));
+    rim->value = (double *)value;
+    if (!done) return false;
+    rim->count = 0;
+    for (size_t i = 0; i < p->n; i++) {
+        if (p->ghost[i] != SPHPA_EDGES_RIM_) continue;
+        sphpa_edges_read_(&list, i, rim->value + rim->width * rim->count);
+        p->parent[i] = -1 - (int32_t)(sphpa_edges_bits_(p, i) + 64u * (unsigned)rim->count++);
+    }
+    return true;
+}
+
+/* ---- the gas that goes through an open edge -------------------------------------------------- */
+
+/* rho c^2/P, of an ideal gas gamma */
+SPHPA_PRIVATE_ double sphpa_edges_gamma_(const sphpa_edges_gas_ *gas) {
+    return gas->P > 0.0 ? sphpa_clamp_(gas->rho * gas->c * gas->c / gas->P, 1.01, 7.0) : 7.0;
+}
+
+/* [m/s] relative to the gas, of a wave that takes it along at the speed d */
+SPHPA_PRIVATE_ double sphpa_edges_wave_(const sphpa_edges_gas_ *gas, double d) {
+    double g = 0.25 * (sphpa_edges_gamma_(gas) + 1.0) * d;
+    return g + sqrt(g * g + gas->c * gas->c);
+}
+
+/* [Pa] behind a wave that changes the speed of the gas by d away from where it comes from; *slope:
+   its derivative. Shocks, and fans of an ideal gas. */
+SPHPA_PRIVATE_ double sphpa_edges_behind_(const sphpa_edges_gas_ *gas, double d, double *slope) {
+    double gamma = sphpa_edges_gamma_(gas), g = 0.25 * (gamma + 1.0);
+    if (d < 0.0 && gas->P > 0.0) {
+        double left = sphpa_max_(1.0 + 0.5 * (gamma - 1.0) * d / gas->c, 0.0);
+        double power = pow(left, (gamma + 1.0) / (gamma - 1.0));
+        *slope = gas->rho * gas->c * power;
+        return gas->P + (power * left - 1.0) * gas->rho * gas->c * gas->c / gamma;
+    }
+    double root = sqrt(g * g * d * d + gas->c * gas->c);
+    *slope = gas->rho * (2.0 * g * d + root + g * g * d * d / root);
+    return gas->P + gas->rho * d * (g * d + root);
+}
+
+/* What `in` becomes at the edge, by its speed outwards: the Riemann problem's state on its side of the
+   contact; where the edge lies ahead of the wave that goes back, or within it, what is there. */
+SPHPA_PRIVATE_ void sphpa_edges_through_(const sphpa_edges_gas_ *in, const sphpa_edges_gas_ *out,
+                                         double v_in, double v_out, double *v, double *P) {
+    double z_in = in->rho * in->c, z_out = out->rho * out->c, a, b, P_in = in->P;
+    *v = v_in;
+    *P = in->P;
+    if (!(z_in > 0.0 && z_out > 0.0)) return; /* cold gas, or nothing was beside the edge */
+    double w = (z_in * v_in + z_out * v_out + in->P - out->P) / (z_in + z_out);
+    for (int k = 0; k < 20; k++) { /* Newton's method; it begins with weak waves */
+        P_in = sphpa_edges_behind_(in, v_in - w, &a);
+        double P_out = sphpa_edges_behind_(out, w - v_out, &b), step = (P_in - P_out) / (a + b);
+        if (!(a + b > 1e-12 * (z_in + z_out))) break;
+        w += step;
+        P_in -= a * step;
+        if (fabs(step) <= 1e-14 * (in->c + out->c)) break;
+    }
+    double gamma = sphpa_edges_gamma_(in), d = v_in - w;
+    if (v_in - (d > 0.0 ? sphpa_edges_wave_(in, d) : in->c) >= 0.0) return;
+    *v = w;
+    *P = P_in;
+    if (d < 0.0 && w - (in->c + 0.5 * (gamma - 1.0) * d) > 0.0) { /* within the fan: sonic */
+        *v = (2.0 * in->c + (gamma - 1.0) * v_in) / (gamma + 1.0);
+        *P = sphpa_edges_behind_(in, v_in - *v, &a);
+    }
+}
+/* [m] way of a particle along an axis since the step began, 3 i + axis */
+SPHPA_FORCE_INLINE_ double sphpa_edges_gone_(const sphpa_sim *sim, size_t k) {
+    double v = (double)sim->p.start.v[k];
+    return sim->dt_stage * (sim->committing ? 0.5 * (v + (double)sim->p.v[k]) : v);
+}
+
 /* the images' values of these fields, and of all columns: no mask tells which of them changed */
 SPHPA_PRIVATE_ void sphpa_edges_ghosts_(sphpa_sim *sim, void *params, sphpa_mask fields) {
     const sphpa_edges_params *edges = (const sphpa_edges_params *)params;
     sphpa_particles *p = &sim->p;
     sphpa_edges_fields_ all;
+    sphpa_edges_rim_give_(p, edges->rim, fields);
     sphpa_edges_fields_of_(p, fields, &all);
     long n = (long)p->n;
     SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_LIGHT_ * SPHPA_BLOCK_))
     for (long i = 0; i < n; i++) {
         if (!sphpa_edges_image_(p, (size_t)i)) continue;
         sphpa_edges_turn_ turn = sphpa_edges_turn_of_(edges, p->ghost[i]);
-        sphpa_edges_take_(p, &all, &turn, (size_t)i, (size_t)p->parent[i]);
+        size_t of = (size_t)p->parent[i];
+        for (int a = 0; a < 3 && edges->rim != NULL && !edges->rim->begun; a++)
+            if (sphpa_edges_kind_(edges, a, sphpa_edges_digit_(p->ghost[i], a)) == SPHPA_EDGE_OPEN)
+                turn.twice[a] += 2.0 * sphpa_edges_gone_(sim, 3 * of + (size_t)a);
+        sphpa_edges_take_(p, &all, &turn, (size_t)i, of);
     }
 }
 
@@ -12469,34 +12690,17 @@ SPHPA_PRIVATE_ sphpa_result sphpa_edges_renew_(sphpa_sim *sim, sphpa_edges_param
     size_t n = p->n;
     for (size_t i = 0; i < n && result == SPHPA_OK; i++) {
         unsigned bits = sphpa_edges_near_(sim, edges, band, 2.0 * sim->options.skin, i);
-        p->parent[i] = -1 - (int32_t)bits;
+        p->parent[i] -= (int32_t)bits - (int32_t)sphpa_edges_bits_(p, i);
         if (bits != 0) result = sphpa_edges_add_(sim, i, bits, err);
     }
     sphpa_edges_ghosts_(sim, edges, ~(sphpa_mask)0);
     return result;
 }
 
-/* What crossed an open edge is counted and goes: true. What crossed a wall, where steps are coarse,
-   is put back as its image, which crossed the other way: *back. */
-SPHPA_PRIVATE_ bool sphpa_edges_cross_(sphpa_sim *sim, sphpa_edges_params *edges, size_t i,
-                                       bool *back) {
-    sphpa_particles *p = &sim->p;
-    bool gone = false;
-    for (int e = 0; e < 2 * p->dim; e++) {
-        int a = e / 2, digit = 1 + e % 2, kind = sphpa_edges_kind_(edges, a, digit);
-        if (kind == SPHPA_EDGE_NONE) continue;
-        if (!(sphpa_edges_depth_(edges, p->x + 3 * i, a, digit) < 0.0)) continue;
-        if (kind == SPHPA_EDGE_OPEN) gone = true;
-        if (kind != SPHPA_EDGE_WALL) continue;
-        sphpa_edges_fields_ all;
-        sphpa_edges_turn_ turn =
-            sphpa_edges_turn_of_(edges, 1 + digit * (a == 0 ? 1 : a == 1 ? 3 : 9));
-        sphpa_edges_fields_of_(p, ~(sphpa_mask)0, &all);
-        sphpa_edges_take_(p, &all, &turn, i, i);
-        *back = true;
-    }
-    if (!gone) return false;
-    double m = (double)p->m[i], v2 = 0.0;
+/* adds what particle i carries to lost[], times sign */
+SPHPA_PRIVATE_ void sphpa_edges_count_(const sphpa_particles *p, sphpa_edges_params *edges,
+                                       size_t i, double sign) {
+    double m = sign * (double)p->m[i], v2 = 0.0;
     edges->lost[0] += m;
     for (size_t a = 0; a < 3; a++) {
         double v = (double)p->v[3 * i + a];
@@ -12504,20 +12708,504 @@ SPHPA_PRIVATE_ bool sphpa_edges_cross_(sphpa_sim *sim, sphpa_edges_params *edges
         v2 += v * v;
     }
     edges->lost[4] += m * (p->u[i] + 0.5 * v2);
-    edges->lost_count++;
-    return true;
+    if (sign > 0.0) edges->lost_count++;
+    else edges->came_count++;
+}
+
+/* What crossed an open edge is counted, and goes: true; or is of the rim from now on, and what came
+   from there is a particle. What crossed a wall, where steps are coarse, is put back as its image,
+   which crossed the other way: *back. */
+SPHPA_PRIVATE_ bool sphpa_edges_cross_(sphpa_sim *sim, sphpa_edges_params *edges, size_t i,
+                                       bool *back) {
+    sphpa_particles *p = &sim->p;
+    bool out = false;
+    for (int e = 0; e < 2 * p->dim; e++) {
+        int a = e / 2, digit = 1 + e % 2, kind = sphpa_edges_kind_(edges, a, digit);
+        if (kind == SPHPA_EDGE_NONE) continue;
+        if (!(sphpa_edges_depth_(edges, p->x + 3 * i, a, digit) < 0.0)) continue;
+        if (kind != SPHPA_EDGE_WALL) {
+            out = true;
+            continue;
+        }
+        sphpa_edges_fields_ all;
+        sphpa_edges_turn_ turn =
+            sphpa_edges_turn_of_(edges, 1 + digit * (a == 0 ? 1 : a == 1 ? 3 : 9));
+        sphpa_edges_fields_of_(p, ~(sphpa_mask)0, &all);
+        sphpa_edges_take_(p, &all, &turn, i, i);
+        *back = true;
+    }
+    bool was_out = p->ghost[i] == SPHPA_EDGES_RIM_;
+    if (out == was_out) return false;
+    sphpa_edges_count_(p, edges, i, out ? 1.0 : -1.0);
+    if (edges->rim == NULL) return true;
+    p->ghost[i] = out ? SPHPA_EDGES_RIM_ : 0;
+    p->parent[i] = -1 - (int32_t)sphpa_edges_bits_(p, i);
+    return false;
 }
 
 /* whether a particle came so near to an edge that it has to have an image and has none */
 SPHPA_PRIVATE_ bool sphpa_edges_short_(const sphpa_sim *sim, const sphpa_edges_params *edges,
                                        const double band[6]) {
     const sphpa_particles *p = &sim->p;
-    for (size_t i = 0; i < p->n; i++)
+    bool any = false;
+    for (int e = 0; e < 2 * p->dim; e++) any = any || sphpa_edges_mirrors_(edges, e / 2, 1 + e % 2);
+    for (size_t i = 0; i < p->n && any; i++)
         if (!sphpa_edges_image_(p, i) &&
             (sphpa_edges_near_(sim, edges, band, 0.5 * sim->options.skin, i) &
              ~sphpa_edges_bits_(p, i)) != 0)
             return true;
     return false;
+}
+
+/* ---- the rim: its motion --------------------------------------------------------------------- */
+
+/* [m] how far x lies beyond open edges, as a vector, and the largest of its components; *e: of
+   which edge that is (negative: [m] inside of the nearest) */
+SPHPA_PRIVATE_ double sphpa_edges_beyond_(const sphpa_edges_params *edges, const double *x, int dim,
+                                          double q[3], int *e) {
+    double most = -HUGE_VAL;
+    *e = 0;
+    for (int a = 0; a < 3; a++) q[a] = 0.0;
+    for (int side = 0; side < 2 * dim; side++) {
+        int a = side / 2, digit = 1 + side % 2;
+        if (sphpa_edges_kind_(edges, a, digit) != SPHPA_EDGE_OPEN) continue;
+        double out = -sphpa_edges_depth_(edges, x, a, digit);
+        if (out > most) most = out, *e = side;
+        if (out > 0.0) q[a] = digit == 1 ? -out : out;
+    }
+    return most;
+}
+
+/* [m] the size of a particle */
+SPHPA_FORCE_INLINE_ double sphpa_edges_size_(const sphpa_particles *p, size_t i) {
+    double volume = (double)p->m[i] / p->rho[i];
+    return p->dim == 1 ? volume : p->dim == 2 ? sqrt(volume) : cbrt(volume);
+}
+
+/* what the rim's update works with */
+typedef struct sphpa_edges_work_ {
+    sphpa_edges_list_ list;
+    sphpa_tree tree;   /* of the particles near open edges */
+    uint32_t *who;     /* (count of the tree) which these are */
+    uint32_t *rim;     /* (n) the rim's particles */
+    size_t n;
+    double *next;      /* (n, width) their new values */
+    double *gap; /* [m] (n, 3) along axes: to the next one inwards where it is beyond an open edge and
+                    nothing is farther out; else 0 */
+} sphpa_edges_work_;
+
+SPHPA_PRIVATE_ void sphpa_edges_work_free_(sphpa_edges_work_ *work) {
+    sphpa_tree_free(&work->tree);
+    SPHPA_FREE(work->who);
+    SPHPA_FREE(work->rim);
+    SPHPA_FREE(work->next);
+    SPHPA_FREE(work->gap);
+}
+
+#define SPHPA_EDGES_NEAR_ 3.4 /* [1] sizes of a rim's particle within which it looks inwards */
+
+/* the tree of those that the rim's particles look at */
+SPHPA_PRIVATE_ sphpa_result sphpa_edges_work_of_(const sphpa_sim *sim,
+                                                 const sphpa_edges_params *edges,
+                                                 sphpa_edges_work_ *work) {
+    const sphpa_particles *p = &sim->p;
+    double far = 0.0, q[3];
+    int e;
+    memset(work, 0, sizeof *work);
+    sphpa_edges_list_of_(p, &work->list);
+    size_t width = (size_t)work->list.width, count = 0;
+    for (size_t i = 0; i < p->n; i++) work->n += p->ghost[i] == SPHPA_EDGES_RIM_ ? 1u : 0u;
+    work->who = (uint32_t *)sphpa_alloc_(p->n, sizeof(uint32_t));
+    work->rim = (uint32_t *)sphpa_alloc_(work->n, sizeof(uint32_t));
+    work->next = (double *)sphpa_alloc_(work->n, width * sizeof(double));
+    work->gap = (double *)sphpa_alloc_(work->n, 3 * sizeof(double));
+    double *x = (double *)sphpa_alloc_(p->n, 4 * sizeof(double));
+    sphpa_result result = SPHPA_OK;
+    if (work->who == NULL || work->rim == NULL || work->next == NULL || work->gap == NULL ||
+        x == NULL)
+        result = SPHPA_ERROR_MEMORY;
+    for (size_t i = 0, k = 0; i < p->n && result == SPHPA_OK; i++) {
+        if (p->ghost[i] != SPHPA_EDGES_RIM_) continue;
+        work->rim[k++] = (uint32_t)i;
+        far = sphpa_max_(far, 2.0 * SPHPA_EDGES_NEAR_ * sphpa_edges_size_(p, i));
+    }
+    for (size_t i = 0; i < p->n && result == SPHPA_OK; i++) {
+        if (sphpa_edges_beyond_(edges, p->x + 3 * i, p->dim, q, &e) < -far) continue;
+        for (size_t a = 0; a < 3; a++) x[3 * count + a] = p->x[3 * i + a];
+        work->who[count++] = (uint32_t)i;
+    }
+    for (size_t k = 0; k < count; k++) x[3 * p->n + k] = 1e-3 * far; /* not used */
+    if (result == SPHPA_OK && count > 0)
+        result = sphpa_tree_build(&work->tree, p->dim, count, x, x + 3 * p->n, &sim->options.box,
+                                  NULL);
+    SPHPA_FREE(x);
+    return result;
+}
+
+/* x_i - x_j of the nearest image */
+SPHPA_PRIVATE_ void sphpa_edges_apart_(const sphpa_sim *sim, const double *x_i, const double *x_j,
+                                       double d[3]) {
+    const sphpa_box *box = &sim->options.box;
+    for (int a = 0; a < 3; a++) {
+        double length = box->high[a] - box->low[a];
+        d[a] = a < sim->p.dim ? x_i[a] - x_j[a] : 0.0;
+        if (a >= sim->p.dim || !box->periodic[a]) continue;
+        if (d[a] > 0.5 * length) d[a] -= length;
+        else if (d[a] < -0.5 * length) d[a] += length;
+    }
+}
+
+SPHPA_PRIVATE_ sphpa_edges_gas_ sphpa_edges_gas_of_(const sphpa_edges_list_ *list,
+                                                    const double *value, double c) {
+    sphpa_edges_gas_ gas;
+    gas.rho = value[list->rho];
+    gas.P = value[list->P];
+    gas.c = c;
+    for (int a = 0; a < 3; a++)
+        gas.v[a] = value[list->v + a];
+    return gas;
+}
+
+SPHPA_FORCE_INLINE_ double sphpa_edges_along_(const double v[3], const double n[3]) {
+    return v[0] * n[0] + v[1] * n[1] + v[2] * n[2];
+}
+
+/* what a particle of the rim sees about a point inwards of it: means, weighted by a kernel */
+typedef struct sphpa_edges_view_ {
+    double sum, away; /* of the weights; [m] mean distance along n */
+    double c;
+    double *value; /* (width) */
+} sphpa_edges_view_;
+
+SPHPA_PRIVATE_ void sphpa_edges_see_(const sphpa_sim *sim, const sphpa_edges_work_ *work, size_t j,
+                                     double away, double w, double *scratch,
+                                     sphpa_edges_view_ *view) {
+    const sphpa_particles *p = &sim->p;
+    size_t at_v = (size_t)work->list.v;
+    w *= (double)p->m[j] / p->rho[j];
+    if (!(w > 0.0)) return;
+    sphpa_edges_read_(&work->list, j, scratch);
+    for (size_t a = 0; a < 3; a++) /* as P is of then */
+        scratch[at_v + a] = 0.5 * ((double)p->start.v[3 * j + a] + (double)p->v[3 * j + a]);
+    scratch[work->list.h] /= sphpa_edges_size_(p, j);
+    view->sum += w;
+    view->away += w * away;
+    view->c += w * (double)p->c[j];
+    for (int k = 0; k < work->list.width; k++) view->value[k] += w * scratch[k];
+}
+
+/* gap[] of particle i of the rim, which lies beyond the edges along n */
+SPHPA_PRIVATE_ void sphpa_edges_gaps_(const sphpa_sim *sim, const sphpa_edges_work_ *work, size_t i,
+                                      const double n[3], double size, const sphpa_tree_list *near,
+                                      double gap[3]) {
+    for (int a = 0; a < 3; a++) gap[a] = n[a] != 0.0 ? 1.25 * size : 0.0;
+    for (size_t m = 0; m < near->count; m++) {
+        double d[3];
+        size_t j = work->who[near->index[m]];
+        sphpa_edges_apart_(sim, sim->p.x + 3 * i, sim->p.x + 3 * j, d);
+        double r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+        for (int a = 0; a < 3; a++) {
+            double away = n[a] > 0.0 ? d[a] : -d[a];
+            if (!(gap[a] > 0.0) || r2 - away * away > 0.36 * size * size) continue;
+            if (away < -0.5 * size) gap[a] = 0.0;
+            else if (away > 0.75 * size) gap[a] = sphpa_min_(gap[a], away);
+        }
+    }
+    for (int a = 0; a < 3; a++) gap[a] = gap[a] < 1.25 * size ? gap[a] : size;
+}
+
+/* What is near a point `steps` sizes inwards of particle i; with 0, all that is inwards and near. */
+SPHPA_PRIVATE_ void sphpa_edges_look_(const sphpa_sim *sim, const sphpa_edges_work_ *work, size_t i,
+                                      const double n[3], double size, const sphpa_tree_list *near,
+                                      double *scratch, double steps, sphpa_edges_view_ *view) {
+    const sphpa_particles *p = &sim->p;
+    int width = work->list.width;
+    double h = steps > 0.0 ? 0.7 : 1.7; /* [1] sizes */
+    view->sum = view->away = view->c = 0.0;
+    for (int k = 0; k < width; k++) view->value[k] = 0.0;
+    for (size_t m = 0; m < near->count; m++) {
+        size_t j = work->who[near->index[m]];
+        double d[3];
+        sphpa_edges_apart_(sim, p->x + 3 * i, p->x + 3 * j, d);
+        double away = sphpa_edges_along_(d, n) / size, off = steps > 0.0 ? away - steps : 0.0;
+        double r2 = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) / (size * size);
+        double to2 = sphpa_max_(r2 - away * away, 0.0) + off * off;
+        if (away < 0.25 || to2 >= 4.0 * h * h) continue;
+        double w = sphpa_kernel_w(SPHPA_KERNEL_CUBIC, p->dim, sqrt(to2), h);
+        sphpa_edges_see_(sim, work, j, away * size, w, scratch, view);
+    }
+    if (!(view->sum > 0.0)) return;
+    view->away /= view->sum;
+    view->c /= view->sum;
+    for (int k = 0; k < width; k++) view->value[k] /= view->sum;
+}
+
+/* b, the quadratic through own at 0, a at x_a, and b at x_b, at x, within their range */
+SPHPA_FORCE_INLINE_ double sphpa_edges_between_(double own, double a, double b, double x_a,
+                                                double x_b, double x) {
+    double rise = (a - own) / x_a, then = (b - a) / (x_b - x_a);
+    double value = own + x * (rise + (x - x_a) / x_b * (then - rise));
+    return sphpa_clamp_(value, sphpa_min_(own, sphpa_min_(a, b)), sphpa_max_(own, sphpa_max_(a, b)));
+}
+
+/* view[0] is what comes to particle i, of the numbers own, in a step; false: nothing is to be seen */
+SPHPA_PRIVATE_ bool sphpa_edges_trace_(const sphpa_sim *sim, const sphpa_edges_list_ *list,
+                                       const double n[3], double size, double c, const double *own,
+                                       sphpa_edges_view_ view[2]) {
+    const sphpa_edges_view_ *a = view[0].sum > 0.0 ? view : view + 1;
+    const sphpa_edges_view_ *b = a == view && view[1].sum > 0.0 ? view + 1 : NULL;
+    if (!(a->sum > 0.0)) return false;
+    size_t at_v = (size_t)list->v;
+    sphpa_edges_gas_ old = sphpa_edges_gas_of_(list, own, c);
+    double hit = sphpa_edges_along_(a->value + at_v, n) - sphpa_edges_along_(own + at_v, n);
+    double x = sphpa_min_(sim->dt * sphpa_edges_wave_(&old, hit), a->away);
+    if (b != NULL && b->away - a->away < 0.5 * size) b = NULL;
+    for (int k = 0; k < list->width; k++)
+        view[0].value[k] = b != NULL
+                               ? sphpa_edges_between_(own[k], a->value[k], b->value[k], a->away,
+                                                      b->away, x)
+                               : own[k] + x / a->away * (a->value[k] - own[k]);
+    view[0].c = b != NULL ? sphpa_edges_between_(c, a->c, b->c, a->away, b->away, x)
+                          : c + x / a->away * (a->c - c);
+    return true;
+}
+
+/* the new values of a particle of the rim, own: the old ones */
+SPHPA_PRIVATE_ void sphpa_edges_advance_(const sphpa_edges_gas_ *still,
+                                         const sphpa_edges_list_ *list, const double n[3],
+                                         const sphpa_edges_view_ *view, double c, double *own) {
+    sphpa_edges_gas_ in = sphpa_edges_gas_of_(list, view->value, view->c);
+    sphpa_edges_gas_ old = sphpa_edges_gas_of_(list, own, c);
+    double *u = own + list->u;
+    double u_old = *u;
+    double v_in = sphpa_edges_along_(in.v, n), v_old = sphpa_edges_along_(old.v, n), v, P;
+    sphpa_edges_through_(&in, still, v_in, sphpa_edges_along_(still->v, n), &v, &P);
+    double speed = sphpa_edges_wave_(&old, v - v_old);
+    double squeeze = sphpa_clamp_(1.0 - (v - v_old) / speed, 0.5, 2.0);
+    for (int k = 0; k < list->width; k++) own[k] = view->value[k];
+    double *v_own = own + list->v;
+    for (int a = 0; a < 3; a++)
+        v_own[a] = in.v[a] + (v - v_in) * n[a];
+    double rho = old.rho / squeeze;
+    own[list->P] = P;
+    own[list->rho] = rho;
+    *u = sphpa_max_(u_old + 0.5 * (old.P + P) * (1.0 / old.rho - 1.0 / rho), 0.5 * u_old);
+}
+
+/* all of them, from the values that all have; false: no memory */
+SPHPA_PRIVATE_ bool sphpa_edges_follow_(const sphpa_sim *sim, const sphpa_edges_params *edges,
+                                        sphpa_edges_work_ *work) {
+    const sphpa_particles *p = &sim->p;
+    size_t width = (size_t)work->list.width;
+    size_t at_h = (size_t)work->list.h;
+    long count = (long)work->n, failed = 0;
+    SPHPA_OMP(parallel reduction(+ : failed) if (count > SPHPA_BLOCK_))
+    {
+        sphpa_tree_list near;
+        sphpa_edges_view_ view[2];
+        memset(&near, 0, sizeof near);
+        double *scratch = (double *)sphpa_alloc_(3 * width, sizeof(double));
+        for (int v = 0; v < 2; v++) view[v].value = scratch + (size_t)(v + 1) * width;
+        SPHPA_OMP(for schedule(static))
+        for (long k = 0; k < count; k++) {
+            size_t i = work->rim[k];
+            double n[3], size = sphpa_edges_size_(p, i), *own = work->next + width * (size_t)k;
+            int e;
+            sphpa_edges_beyond_(edges, p->x + 3 * i, p->dim, n, &e);
+            double s = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+            for (int a = 0; a < 3; a++)
+                n[a] = s > 0.0 ? n[a] / s : a == e / 2 ? 2.0 * (e % 2) - 1.0 : 0.0;
+            if (scratch == NULL || sphpa_tree_query(&work->tree, p->x + 3 * i,
+                                                    SPHPA_EDGES_NEAR_ * size, &near) != SPHPA_OK) {
+                failed++;
+                continue;
+            }
+            sphpa_edges_read_(&work->list, i, own);
+            own[at_h] /= size; /* as all h here */
+            sphpa_edges_gaps_(sim, work, i, n, size, &near, work->gap + 3 * k);
+            for (int v = 0; v < 2; v++)
+                sphpa_edges_look_(sim, work, i, n, size, &near, scratch, v + 1.0, view + v);
+            if (!(view[0].sum + view[1].sum > 0.0))
+                sphpa_edges_look_(sim, work, i, n, size, &near, scratch, 0.0, view);
+            if (sphpa_edges_trace_(sim, &work->list, n, size, (double)p->c[i], own, view))
+                sphpa_edges_advance_(&edges->rim->still[e], &work->list, n, view,
+                                     (double)p->c[i], own);
+            double volume =
+                (double)p->m[i] / own[work->list.rho];
+            own[at_h] *= p->dim == 1 ? volume : p->dim == 2 ? sqrt(volume) : cbrt(volume);
+        }
+        sphpa_tree_list_free(&near);
+        SPHPA_FREE(scratch);
+    }
+    if (failed > 0) return false;
+    for (size_t k = 0; k < work->n; k++)
+        sphpa_edges_write_(&work->list, work->rim[k], ~(sphpa_mask)0, work->next + width * k);
+    return true;
+}
+
+/* [m] how far the rim has to reach beyond each edge */
+SPHPA_PRIVATE_ void sphpa_edges_depths_(const sphpa_sim *sim, const sphpa_edges_params *edges,
+                                        double need[6]) {
+    const sphpa_particles *p = &sim->p;
+    for (int e = 0; e < 6; e++) need[e] = 0.0;
+    for (size_t i = 0; i < p->n; i++)
+        for (int e = 0; e < 2 * p->dim && p->ghost[i] == 0; e++) {
+            if (sphpa_edges_kind_(edges, e / 2, 1 + e % 2) != SPHPA_EDGE_OPEN) continue;
+            double in = sphpa_edges_depth_(edges, p->x + 3 * i, e / 2, 1 + e % 2);
+            need[e] = sphpa_max_(need[e], (1.0 + 0.5 * sim->options.skin) *
+                                              (sphpa_edges_reach_(sim, edges, i) - in));
+        }
+}
+
+/* whether a place is free of the rim's work's particles and of those from `begin` on */
+SPHPA_PRIVATE_ sphpa_result sphpa_edges_free_(const sphpa_sim *sim, const sphpa_edges_work_ *work,
+                                              const double y[3], double radius, size_t begin,
+                                              sphpa_tree_list *near, bool *room) {
+    sphpa_result result = sphpa_tree_query(&work->tree, y, radius, near);
+    *room = result == SPHPA_OK && near->count == 0;
+    for (size_t j = begin; j < sim->p.n && *room; j++) {
+        double d[3];
+        sphpa_edges_apart_(sim, y, sim->p.x + 3 * j, d);
+        *room = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] > radius * radius;
+    }
+    return result;
+}
+
+/* Where the gas of the rim comes in, more of it follows: copies of what is farthest out. */
+SPHPA_PRIVATE_ sphpa_result sphpa_edges_fill_(sphpa_sim *sim, const sphpa_edges_params *edges,
+                                              const double need[6], const sphpa_edges_work_ *work,
+                                              bool *filled) {
+    sphpa_particles *p = &sim->p;
+    sphpa_tree_list near;
+    sphpa_result result = SPHPA_OK;
+    size_t begin = p->n;
+    memset(&near, 0, sizeof near);
+    for (size_t k = 0; k < 3 * work->n && result == SPHPA_OK; k++) {
+        size_t i = work->rim[k / 3], at = 0, a = k % 3;
+        double q[3], y[3];
+        int e;
+        bool room = false;
+        if (!(work->gap[k] > 0.0)) continue;
+        (void)sphpa_edges_beyond_(edges, p->x + 3 * i, p->dim, q, &e);
+        if (fabs(q[a]) > need[2 * a + (q[a] > 0.0 ? 1 : 0)]) continue;
+        if (!(q[a] * (double)p->v[3 * i + a] < 0.0)) continue; /* it does not come in */
+        for (size_t b = 0; b < 3; b++) y[b] = p->x[3 * i + b];
+        y[a] += q[a] > 0.0 ? work->gap[k] : -work->gap[k];
+        result = sphpa_edges_free_(sim, work, y, 0.7 * work->gap[k], begin, &near, &room);
+        if (room) result = sphpa_particles_add(p, 1, &at, NULL);
+        if (!room || result != SPHPA_OK) continue;
+        sphpa_particles_copy_(p, at, i);
+        for (size_t b = 0; b < 3; b++) p->x[3 * at + b] = y[b];
+        *filled = true;
+    }
+    sphpa_tree_list_free(&near);
+    return result;
+}
+
+/* ---- the rim: how it begins ------------------------------------------------------------------ */
+
+/* room for it where there are open edges; they are mirrors in solids, whose stresses it does not know */
+SPHPA_PRIVATE_ sphpa_result sphpa_edges_rim_new_(const sphpa_sim *sim, sphpa_edges_params *edges,
+                                                 sphpa_error *err) {
+    bool open = false;
+    for (int a = 0; a < sim->p.dim; a++)
+        open = open || edges->edge_low[a] == SPHPA_EDGE_OPEN || edges->edge_high[a] == SPHPA_EDGE_OPEN;
+    if (!open || sim->p.S != NULL || sim->p.P == NULL || sim->p.c == NULL) return SPHPA_OK;
+    edges->rim = (sphpa_edges_rim *)sphpa_alloc_(1, sizeof(sphpa_edges_rim));
+    if (edges->rim == NULL) return sphpa_error_set(err, SPHPA_ERROR_MEMORY, "out of memory");
+    memset(edges->rim, 0, sizeof(sphpa_edges_rim));
+    return SPHPA_OK;
+}
+
+/* what is beside each open edge: means by mass of what sees across it */
+SPHPA_PRIVATE_ void sphpa_edges_still_(const sphpa_sim *sim, const sphpa_edges_params *edges) {
+    const sphpa_particles *p = &sim->p;
+    for (int e = 0; e < 2 * p->dim; e++) {
+        double sum[7] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0}, depth = 0.0;
+        double support = sphpa_kernel_support(sim->options.kernel);
+        int a = e / 2, digit = 1 + e % 2;
+        if (sphpa_edges_kind_(edges, a, digit) != SPHPA_EDGE_OPEN) continue;
+        for (size_t i = 0; i < p->n; i++) {
+            double in = sphpa_edges_depth_(edges, p->x + 3 * i, a, digit);
+            if (p->ghost[i] == SPHPA_EDGES_RIM_) depth = sphpa_max_(depth, -in);
+            if (p->ghost[i] != 0 || in > support * (double)p->h[i]) continue;
+            const double q[7] = {1.0, p->rho[i], (double)p->P[i], (double)p->c[i],
+                                 (double)p->v[3 * i], (double)p->v[3 * i + 1],
+                                 (double)p->v[3 * i + 2]};
+            for (int k = 0; k < 7; k++) sum[k] += (double)p->m[i] * q[k];
+        }
+        sphpa_edges_gas_ *still = &edges->rim->still[e];
+        if (!(sum[0] > 0.0)) continue;
+        still->rho = sum[1] / sum[0];
+        still->P = sum[2] / sum[0];
+        still->c = sum[3] / sum[0];
+        for (int b = 0; b < 3; b++) still->v[b] = sum[4 + b] / sum[0];
+        edges->rim->depth[e] = depth;
+    }
+}
+
+/* after the first step: images beyond open edges are the rim from now on */
+SPHPA_PRIVATE_ void sphpa_edges_begin_(sphpa_sim *sim, sphpa_edges_params *edges) {
+    sphpa_particles *p = &sim->p;
+    for (size_t i = 0; i < p->n; i++) {
+        bool open = sphpa_edges_image_(p, i);
+        for (int a = 0; a < 3 && open; a++) {
+            int kind = sphpa_edges_kind_(edges, a, sphpa_edges_digit_(p->ghost[i], a));
+            open = kind == SPHPA_EDGE_NONE || kind == SPHPA_EDGE_OPEN;
+        }
+        if (!open) continue;
+        p->ghost[i] = SPHPA_EDGES_RIM_;
+        p->parent[i] = -1;
+    }
+    edges->rim->begun = true;
+    sphpa_edges_still_(sim, edges);
+}
+
+/* whether one of the rim is so far out that it can go */
+SPHPA_PRIVATE_ bool sphpa_edges_far_(const sphpa_particles *p, const sphpa_edges_params *edges,
+                                     const double need[6], size_t i) {
+    double q[3];
+    int e;
+    if (p->ghost[i] != SPHPA_EDGES_RIM_) return false;
+    return sphpa_edges_beyond_(edges, p->x + 3 * i, p->dim, q, &e) >
+           sphpa_max_(edges->rim->depth[e], need[e]) + sphpa_edges_size_(p, i);
+}
+
+/* what moved across edges; then the rim's new values, its gaps filled; keep: (n) what stays, *change: the
+   set is another */
+SPHPA_PRIVATE_ sphpa_result sphpa_edges_rim_step_(sphpa_sim *sim, sphpa_edges_params *edges,
+                                                  bool *change) {
+    sphpa_edges_work_ work;
+    double need[6];
+    sphpa_result result = sphpa_edges_work_of_(sim, edges, &work);
+    if (result == SPHPA_OK && !sphpa_edges_follow_(sim, edges, &work)) result = SPHPA_ERROR_MEMORY;
+    if (result == SPHPA_OK) {
+        sphpa_edges_depths_(sim, edges, need);
+        for (size_t k = 0; k < work.n; k++)
+            if (sphpa_edges_far_(&sim->p, edges, need, work.rim[k])) {
+                sim->p.ghost[work.rim[k]] = SPHPA_EDGES_GONE_;
+                *change = true;
+            }
+        result = sphpa_edges_fill_(sim, edges, need, &work, change);
+    }
+    sphpa_edges_work_free_(&work);
+    return result;
+}
+
+/* removes what is gone, and all images, which are made anew */
+SPHPA_PRIVATE_ sphpa_result sphpa_edges_again_(sphpa_sim *sim, sphpa_edges_params *edges,
+                                               const double band[6]) {
+    sphpa_particles *p = &sim->p;
+    unsigned char *keep = (unsigned char *)sphpa_alloc_(p->n, 1);
+    if (keep == NULL) return SPHPA_ERROR_MEMORY;
+    for (size_t i = 0; i < p->n; i++)
+        keep[i] = p->ghost[i] != SPHPA_EDGES_GONE_ && !sphpa_edges_image_(p, i);
+    sphpa_result result = sphpa_particles_remove(p, keep, NULL);
+    SPHPA_FREE(keep);
+    if (result == SPHPA_OK && p->n == 0) result = SPHPA_ERROR_EMPTY;
+    if (result == SPHPA_OK && edges->rim != NULL && !sphpa_edges_rim_keep_(p, edges->rim))
+        result = SPHPA_ERROR_MEMORY;
+    return result == SPHPA_OK ? sphpa_edges_renew_(sim, edges, band, NULL) : result;
 }
 
 /* the only pass: once a step, at its end */
@@ -12526,28 +13214,32 @@ SPHPA_PRIVATE_ sphpa_result sphpa_edges_resize_(sphpa_sim *sim, void *params, si
     sphpa_edges_params *edges = (sphpa_edges_params *)params;
     sphpa_particles *p = &sim->p;
     double band[6];
-    bool gone = false, back = false;
+    bool change = false, back = false;
+    size_t left = 0;
+    sphpa_result result = SPHPA_OK;
+    if (edges->rim != NULL && !edges->rim->begun) {
+        sphpa_edges_begin_(sim, edges);
+        change = true;
+    }
     *bad = sphpa_edges_narrow_(sim, edges);
     if (*bad < p->n) return SPHPA_ERROR_RANGE;
     *bad = first;
-    unsigned char *keep = (unsigned char *)sphpa_alloc_(last, 1);
-    if (keep == NULL) return SPHPA_ERROR_MEMORY;
     for (size_t i = first; i < last; i++) {
-        bool crossed = !sphpa_edges_image_(p, i) && sphpa_edges_cross_(sim, edges, i, &back);
-        keep[i] = !crossed && !sphpa_edges_image_(p, i);
-        gone = gone || crossed;
+        if (!sphpa_edges_image_(p, i) && sphpa_edges_cross_(sim, edges, i, &back)) {
+            p->ghost[i] = SPHPA_EDGES_GONE_;
+            change = true;
+        }
+        left += p->ghost[i] < 2 ? 1u : 0u;
     }
+    for (size_t i = first; i < last && left == 0; i++) p->ghost[i] = SPHPA_EDGES_GONE_;
+    if (edges->rim != NULL && left > 0) result = sphpa_edges_rim_step_(sim, edges, &change);
+    if (result != SPHPA_OK) return result;
     sphpa_edges_bands_(sim, edges, band);
-    sphpa_result result = SPHPA_OK;
-    if (gone || sphpa_edges_short_(sim, edges, band)) {
-        result = sphpa_particles_remove(p, keep, NULL);
-        if (result == SPHPA_OK && p->n == 0) result = SPHPA_ERROR_EMPTY;
-        if (result == SPHPA_OK) result = sphpa_edges_renew_(sim, edges, band, NULL);
-    } else if (back) {
-        sphpa_edges_ghosts_(sim, edges, ~(sphpa_mask)0);
-    }
-    SPHPA_FREE(keep);
-    return result;
+    if (change || left == 0 || sphpa_edges_short_(sim, edges, band))
+        return sphpa_edges_again_(sim, edges, band);
+    if (edges->rim != NULL && !sphpa_edges_rim_keep_(p, edges->rim)) return SPHPA_ERROR_MEMORY;
+    if (back) sphpa_edges_ghosts_(sim, edges, ~(sphpa_mask)0);
+    return SPHPA_OK;
 }
 
 /* [s] the step in which a particle flies a share of h towards a wall, or of its way until it feels
@@ -12570,9 +13262,9 @@ SPHPA_PRIVATE_ double sphpa_edges_flight_(const sphpa_sim *sim, const void *para
 SPHPA_PRIVATE_ sphpa_result sphpa_edges_axis_(const sphpa_sim *sim, const sphpa_edges_params *edges,
                                               int a, sphpa_error *err) {
     int low = edges->edge_low[a], high = edges->edge_high[a];
-    if (low < 0 || low > SPHPA_EDGE_OPEN || high < 0 || high > SPHPA_EDGE_OPEN)
+    if (low < 0 || low > SPHPA_EDGE_MIRROR || high < 0 || high > SPHPA_EDGE_MIRROR)
         return sphpa_error_set(err, SPHPA_ERROR_UNKNOWN, "edges: %d and %d on axis %d; there are 0 "
-                               "(none), 1 (wall), 2 (open)", low, high, a);
+                               "(none), 1 (wall), 2 (open), 3 (mirror)", low, high, a);
     if (low == SPHPA_EDGE_NONE && high == SPHPA_EDGE_NONE) return SPHPA_OK;
     if (!sphpa_finite_(edges->low[a]) || !sphpa_finite_(edges->high[a]))
         return sphpa_error_set(err, SPHPA_ERROR_NOT_FINITE, "edges: at %g and %g m on axis %d; give "
@@ -12598,6 +13290,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_edges_setup_(sphpa_sim *sim, void *params, sph
     const sphpa_number_ all[1] = {{"reach", edges->reach}};
     sphpa_result result = sphpa_numbers_check_("edges", all, 1, err);
     for (int a = 0; a < 3 && result == SPHPA_OK; a++) result = sphpa_edges_axis_(sim, edges, a, err);
+    edges->rim = NULL;
     if (result != SPHPA_OK) return result;
     size_t i = sphpa_edges_narrow_(sim, edges);
     if (i < sim->p.n)
@@ -12606,10 +13299,12 @@ SPHPA_PRIVATE_ sphpa_result sphpa_edges_setup_(sphpa_sim *sim, void *params, sph
                                "particles, or edges farther apart", i,
                                sphpa_edges_reach_(sim, edges, i));
     memset(edges->lost, 0, sizeof edges->lost);
-    edges->lost_count = 0;
+    edges->lost_count = edges->came_count = 0;
     double band[6];
     sphpa_edges_bands_(sim, edges, band);
-    return sphpa_edges_renew_(sim, edges, band, err);
+    for (i = 0; i < sim->p.n; i++) sim->p.parent[i] = -1;
+    result = sphpa_edges_renew_(sim, edges, band, err);
+    return result == SPHPA_OK ? sphpa_edges_rim_new_(sim, edges, err) : result;
 }
 
 /* after a restart: are ghosts what this scene would have made? */
@@ -12617,12 +13312,18 @@ SPHPA_PRIVATE_ sphpa_result sphpa_edges_check_(const sphpa_sim *sim, const void 
                                                sphpa_error *err) {
     const sphpa_edges_params *edges = (const sphpa_edges_params *)params;
     const sphpa_particles *p = &sim->p;
+    sphpa_edges_list_ list;
+    sphpa_edges_list_of_(p, &list);
     for (size_t i = 0; i < p->n; i++) {
         int32_t ghost = p->ghost[i], parent = p->parent[i];
-        bool good = ghost >= 0 && ghost <= 27 && parent >= -64 && (parent >= 0) == (ghost > 1);
-        if (good && ghost > 1)
+        bool image = sphpa_edges_image_(p, i), good = ghost >= 0 && (parent >= 0) == image;
+        if (good && ghost == SPHPA_EDGES_RIM_)
+            good = edges->rim != NULL && edges->rim->begun && edges->rim->width == (size_t)list.width &&
+                   sphpa_edges_slot_(p, i) < edges->rim->count;
+        else good = good && ghost < SPHPA_EDGES_RIM_ && parent >= -64;
+        if (good && image)
             good = (size_t)parent < p->n && !sphpa_edges_image_(p, (size_t)parent);
-        for (int a = 0; a < 3 && good && ghost > 1; a++) {
+        for (int a = 0; a < 3 && good && image; a++) {
             int digit = sphpa_edges_digit_(ghost, a);
             good = digit == 0 || sphpa_edges_kind_(edges, a, digit) != SPHPA_EDGE_NONE;
         }
@@ -12634,25 +13335,107 @@ SPHPA_PRIVATE_ sphpa_result sphpa_edges_check_(const sphpa_sim *sim, const void 
     return SPHPA_OK;
 }
 
+/* one block of numbers, to a checkpoint or from it, where their count must be the same (or at least
+   that: *more is then how many there are) */
+SPHPA_PRIVATE_ sphpa_result sphpa_edges_block_(const char *name, double **number, size_t count,
+                                               size_t *more, sphpa_keep_fn exchange, void *user,
+                                               sphpa_error *err) {
+    void *data = *number;
+    size_t bytes = count * sizeof(double);
+    sphpa_result result = exchange(user, name, &data, &bytes, err);
+    if (result != SPHPA_OK || data == (void *)*number) return result;
+    size_t have = bytes / sizeof(double);
+    *number = (double *)data;
+    if (bytes % sizeof(double) == 0 && (more != NULL ? have >= *more : have == count)) {
+        if (more != NULL) *more = have;
+        return SPHPA_OK;
+    }
+    SPHPA_FREE(data);
+    *number = NULL;
+    return sphpa_error_set(err, SPHPA_ERROR_FORMAT, "%s: %zu bytes, not %zu; the file is damaged", name,
+                           bytes, (more != NULL ? *more : count) * sizeof(double));
+}
+
+enum { SPHPA_EDGES_HEAD_ = 2 + 6 + 36 }; /* numbers before the values in the rim's block */
+
+/* the rim as numbers: begun, width, depths, still gas, values; NULL: no memory */
+SPHPA_PRIVATE_ double *sphpa_edges_rim_numbers_(const sphpa_edges_rim *rim) {
+    size_t values = rim->count * rim->width;
+    double *number = (double *)sphpa_alloc_(SPHPA_EDGES_HEAD_ + values, sizeof(double));
+    if (number == NULL) return NULL;
+    number[0] = rim->begun ? 1.0 : 0.0;
+    number[1] = (double)rim->width;
+    for (int e = 0; e < 6; e++) {
+        const sphpa_edges_gas_ *still = &rim->still[e];
+        const double six[6] = {still->rho, still->P, still->c, still->v[0], still->v[1], still->v[2]};
+        number[2 + e] = rim->depth[e];
+        memcpy(number + 8 + 6 * e, six, sizeof six);
+    }
+    if (values > 0) memcpy(number + SPHPA_EDGES_HEAD_, rim->value, values * sizeof(double));
+    return number;
+}
+
+/* and back, which keeps the block */
+SPHPA_PRIVATE_ sphpa_result sphpa_edges_rim_from_(sphpa_edges_rim *rim, double *number, size_t count,
+                                                  sphpa_error *err) {
+    size_t values = count - SPHPA_EDGES_HEAD_, width = (size_t)sphpa_clamp_(number[1], 0.0, 1e6);
+    if (width > 0 ? values % width != 0 : values != 0)
+        return sphpa_error_set(err, SPHPA_ERROR_FORMAT, "edges rim: %zu numbers, %zu of each particle; "
+                               "the file is damaged", values, width);
+    rim->begun = number[0] != 0.0;
+    rim->width = width;
+    rim->count = width > 0 ? values / width : 0;
+    for (int e = 0; e < 6; e++) {
+        sphpa_edges_gas_ *still = &rim->still[e];
+        const double *six = number + 8 + 6 * e;
+        rim->depth[e] = number[2 + e];
+        still->rho = six[0], still->P = six[1], still->c = six[2];
+        for (int a = 0; a < 3; a++) still->v[a] = six[3 + a];
+    }
+    memmove(number, number + SPHPA_EDGES_HEAD_, values * sizeof(double));
+    SPHPA_FREE(rim->value);
+    rim->value = number;
+    rim->capacity = count;
+    return SPHPA_OK;
+}
+
 SPHPA_PRIVATE_ sphpa_result sphpa_edges_keep_(sphpa_sim *sim, void *params, sphpa_keep_fn exchange,
                                               void *user, sphpa_error *err) {
     sphpa_edges_params *edges = (sphpa_edges_params *)params;
-    double lost[6];
-    void *data = lost;
-    size_t bytes = sizeof lost;
+    double lost[7], *number = lost;
     (void)sim;
     memcpy(lost, edges->lost, sizeof edges->lost);
     lost[5] = (double)edges->lost_count;
-    sphpa_result result = exchange(user, "edges lost", &data, &bytes, err);
-    if (result != SPHPA_OK || data == (void *)lost) return result;
-    if (bytes == sizeof lost) memcpy(lost, data, sizeof lost);
-    SPHPA_FREE(data);
-    if (bytes != sizeof lost)
-        return sphpa_error_set(err, SPHPA_ERROR_FORMAT, "edges: %zu bytes of what crossed them, "
-                               "not %zu; the file is damaged", bytes, sizeof lost);
-    memcpy(edges->lost, lost, sizeof edges->lost);
-    edges->lost_count = (size_t)lost[5];
-    return SPHPA_OK;
+    lost[6] = (double)edges->came_count;
+    sphpa_result result = sphpa_edges_block_("edges lost", &number, 7, NULL, exchange, user, err);
+    if (result == SPHPA_OK && number != lost) {
+        memcpy(edges->lost, number, sizeof edges->lost);
+        edges->lost_count = (size_t)number[5];
+        edges->came_count = (size_t)number[6];
+        SPHPA_FREE(number);
+    }
+    if (result != SPHPA_OK || edges->rim == NULL) return result;
+    double *own = sphpa_edges_rim_numbers_(edges->rim);
+    size_t more = SPHPA_EDGES_HEAD_;
+    if (own == NULL) return sphpa_error_set(err, SPHPA_ERROR_MEMORY, "out of memory");
+    number = own;
+    result = sphpa_edges_block_("edges rim", &number,
+                                more + edges->rim->count * edges->rim->width, &more, exchange, user,
+                                err);
+    if (result == SPHPA_OK && number != own) {
+        result = sphpa_edges_rim_from_(edges->rim, number, more, err);
+        if (result != SPHPA_OK) SPHPA_FREE(number);
+    }
+    SPHPA_FREE(own);
+    return result;
+}
+
+SPHPA_PRIVATE_ void sphpa_edges_teardown_(sphpa_sim *sim, void *params) {
+    sphpa_edges_params *edges = (sphpa_edges_params *)params;
+    (void)sim;
+    if (edges->rim != NULL) SPHPA_FREE(edges->rim->value);
+    SPHPA_FREE(edges->rim);
+    edges->rim = NULL;
 }
 
 SPHPA_DEF sphpa_module sphpa_edges(sphpa_edges_params *params) {
@@ -12664,6 +13447,7 @@ SPHPA_DEF sphpa_module sphpa_edges(sphpa_edges_params *params) {
     module.check = sphpa_edges_check_;
     module.ghosts = sphpa_edges_ghosts_;
     module.keep = sphpa_edges_keep_;
+    module.teardown = sphpa_edges_teardown_;
     sphpa_module_pass_(&module, "edges", SPHPA_STAGE_RESIZE, SPHPA_F(x) | SPHPA_F(h),
                        SPHPA_F(ghost) | SPHPA_F(parent))
         ->particle = sphpa_edges_resize_;
@@ -18520,9 +19304,9 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_scene_(sphpa_hybrid *h, sphpa_error *er
         if (h->options.sim.box.periodic[a]) continue;
         work->has_edges = true;
         work->edges.edge_low[a] = grid->edge_low[a] == (int)SPHPA_GRID_REFLECTING
-                                      ? SPHPA_EDGE_WALL : SPHPA_EDGE_OPEN;
+                                      ? SPHPA_EDGE_WALL : SPHPA_EDGE_MIRROR;
         work->edges.edge_high[a] = grid->edge_high[a] == (int)SPHPA_GRID_REFLECTING
-                                       ? SPHPA_EDGE_WALL : SPHPA_EDGE_OPEN;
+                                       ? SPHPA_EDGE_WALL : SPHPA_EDGE_MIRROR;
     }
     work->edges.reach = h->options.reach;
     if (work->has_edges) /* first: a pilot density beside them needs their images */

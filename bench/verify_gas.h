@@ -1025,9 +1025,10 @@ static void verify_edge_pulse(verify *v, int count, bool viscous) {
     sphpa_edges_params edges;
     verify_gas gas = verify_gas_of(1.4);
     verify_error left = {0.0, 0.0, 0};
-    const double A = 1e-3, width = 0.06;
+    const double A = 1e-3, width = 0.06, shift = 2.0 * A * width * sqrt(0.5 * VERIFY_PI);
     memset(&task, 0, sizeof task);
     memset(&edges, 0, sizeof edges);
+    edges.low[0] = shift; /* so that the lattice ends half a spacing from both edges */
     edges.high[0] = 1.0;
     edges.edge_low[0] = SPHPA_EDGE_WALL;
     edges.edge_high[0] = SPHPA_EDGE_OPEN;
@@ -1037,7 +1038,7 @@ static void verify_edge_pulse(verify *v, int count, bool viscous) {
     for (size_t i = 0; i < p.n; i++) {
         double s = ((double)i + 0.5) / (double)p.n, away = (s - 0.5) / width;
         double wave = A * exp(-0.5 * away * away), rho = 1.0 + wave;
-        p.x[3 * i] = s - A * width * sqrt(0.5 * VERIFY_PI) * erf(away / sqrt(2.0));
+        p.x[3 * i] = s - 0.5 * shift * (erf(away / sqrt(2.0)) - 1.0);
         p.v[3 * i] = (sphpa_real)wave;
         p.u[i] = pow(rho, 0.4) / (1.4 * 0.4);
     }

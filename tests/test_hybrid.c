@@ -474,7 +474,7 @@ static void all_particles_it_is_sph(void **state) {
             edges.high[a] = o.box.high[a] = a == 0 ? 11.0 : 10.0;
             o.box.periodic[a] = edge == SPHPA_GRID_PERIODIC;
             edges.edge_low[a] = edges.edge_high[a] =
-                edge == SPHPA_GRID_REFLECTING ? SPHPA_EDGE_WALL : SPHPA_EDGE_OPEN;
+                edge == SPHPA_GRID_REFLECTING ? SPHPA_EDGE_WALL : SPHPA_EDGE_MIRROR;
         }
         if (edge != SPHPA_GRID_PERIODIC)
             must(sphpa_scene_add(&scene, sphpa_edges(&edges)), &scene.error);
