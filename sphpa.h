@@ -2433,8 +2433,9 @@ SPHPA_DEF sphpa_grid_sums sphpa_grid_totals(const sphpa_grid *grid);
          `buffer` cells of an outflow edge; buffer those within `buffer` cells of an active one
      (3) particles elsewhere are removed; cells that are new get a lattice whose phase is that of the
          nearest particle (where there is none: of the mesh, as if it moved with the gas), with
-         exactly the mass, momentum and energy of the cell; buffer cells are filled up where the flow left room; a particle that
-         expanded to half a cell's width (beta < 4: twice its first) becomes four
+         exactly the mass, momentum and energy of the cell; buffer cells are filled up where the flow
+         left room; a particle that holds more than 2/beta^2 of its cell's mass, for it expanded or
+         came as one of few heavy ones among light ones, becomes four
      (4) ghosts get rho, v, P of the mesh at t and at t + dt where they then are, bilinear in space,
          linear in time in between
      (5) particles go to t + dt by steps of their own
@@ -18656,20 +18657,28 @@ SPHPA_PRIVATE_ int sphpa_hybrid_at_(const sphpa_hybrid *h, size_t i, size_t *cel
                : SPHPA_HYBRID_MESH;
 }
 
-/* A particle that expanded to more than half a cell (the mesh would then resolve better), with fewer
-   than four to a cell's edge to twice the lattice's spacing, becomes four of a quarter of its mass,
+/* [m2] what particle i stands for: an active one by the density of its cell, for among light ones the
+   scheme's own may be its alone */
+SPHPA_PRIVATE_ double sphpa_hybrid_area_(const sphpa_hybrid *h, size_t i) {
+    size_t cell = 0;
+    bool active = sphpa_hybrid_at_(h, i, &cell) == SPHPA_HYBRID_ACTIVE;
+    return (double)h->sim.p.m[i] / (active ? h->work->old[0][cell] : h->sim.p.rho[i]);
+}
+
+/* A particle with more than twice a new one's share of its cell becomes four of a quarter of its mass,
    a quarter of its size away each way, with velocities along its gradient; what these have of
    kinetic energy more comes from u. */
 SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_part_(sphpa_hybrid *h, size_t *born, sphpa_error *err) {
     sphpa_particles *p = &h->sim.p;
     double V = h->grid.dx[0] * h->grid.dx[1], beta = h->options.beta;
-    double most = V * sphpa_max_(0.25, 4.0 / (beta * beta)); /* [m2] */
+    double most = 2.0 * V / (beta * beta); /* [m2] */
     size_t n = p->n;
     *born = 0;
     for (size_t i = 0; i < n; i++) {
-        double size2 = (double)p->m[i] / p->rho[i], off = 0.25 * sqrt(size2), dv[4][2], heat = 0.0;
+        double size2 = sphpa_hybrid_own_(p, i) ? sphpa_hybrid_area_(h, i) : 0.0;
+        double off = 0.25 * sqrt(size2), dv[4][2], heat = 0.0;
         size_t first = 0, at[4];
-        if (!sphpa_hybrid_own_(p, i) || !(size2 > most)) continue;
+        if (!(size2 > most)) continue;
         sphpa_result result = sphpa_particles_add(p, 3, &first, err);
         if (result != SPHPA_OK) return result;
         for (int k = 0; k < 4; k++) {

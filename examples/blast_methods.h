@@ -275,7 +275,9 @@ static sphpa_result blast_start_sph(blast_run *run, const sphpa_particles *p, sp
     for (int a = 0; a < 2; a++) {
         run->edges.high[a] = 0.5 * run->s->dx * (double)run->across;
         run->edges.low[a] = -run->edges.high[a];
-        run->edges.edge_low[a] = run->edges.edge_high[a] = SPHPA_EDGE_OPEN;
+        /* nothing reaches the edges of a domain that grows: images of it are the least work */
+        run->edges.edge_low[a] = run->edges.edge_high[a] =
+            run->s->fixed ? SPHPA_EDGE_OPEN : SPHPA_EDGE_MIRROR;
     }
     run->edges.reach = blast_reach(run->s);
     sphpa_result result = sphpa_sim_create(sim, &run->scene, p, &options, err);

@@ -809,7 +809,8 @@ static void split_is_exact(void **state) {
     sphpa_hybrid_free(h);
 }
 
-/* one that expanded to more than half a cell becomes four; sums stay, velocities follow the flow */
+/* one that holds too much of its cell, dense as it may be itself, becomes four; sums stay, velocities
+   follow the flow */
 static void parting_keeps_sums(void **state) {
     (void)state;
     static rig r;
@@ -820,20 +821,23 @@ static void parting_keeps_sums(void **state) {
         r.o.beta = beta;
         start(&r, bump_at, NULL, 1);
         sphpa_particles *p = &r.h.sim.p;
-        double most = beta > 2 ? 0.5 : 2.0 / beta, before[5], after[5]; /* [cells] */
-        size_t i = 0, born = 99, n = p->n;
+        double most = sqrt(2.0) / beta, before[5], after[5], x[2], v[2]; /* most: [cells] */
+        size_t i = 0, born = 99, n = p->n, cell = 0;
         while (p->ghost[i] != 0 || fabs(p->x[3 * i] - 4.0) > 0.51 ||
                fabs(p->x[3 * i + 1] - 4.0) > 0.51)
             i++;
-        for (size_t k = 0; k < n; k++) p->rho[k] = 1.02 * (double)p->m[k] / (most * most);
+        p->m[i] *= SPHPA_R(2.0);
+        double m = (double)p->m[i], *rho = r.h.work->old[0], size = most / sqrt(0.98);
+        for (size_t c = 0; c < r.h.grid.n; c++) rho[c] = 1.02 * m / (most * most);
+        for (size_t k = 0; k < n; k++) p->rho[k] = p->ghost[k] == 0 ? 1e3 * m : rho[0];
         must(sphpa_hybrid_part_(&r.h, &born, &err), &err);
         assert_int_equal(born, 0);
-        p->rho[i] = 0.98 * (double)p->m[i] / (most * most);
+        (void)sphpa_hybrid_at_(&r.h, i, &cell);
+        rho[cell] = 0.98 * m / (most * most);
         memset(p->L, 0, 9 * sizeof(sphpa_real) * n);
         p->L[9 * i + 1] = SPHPA_R(0.25), p->L[9 * i + 3] = SPHPA_R(-0.125); /* dv_x/dy, dv_y/dx */
-        double x[2] = {p->x[3 * i], p->x[3 * i + 1]}, v[2], m = (double)p->m[i];
-        double size = sqrt(m / p->rho[i]), h = (double)p->h[i];
-        for (int a = 0; a < 2; a++) v[a] = (double)p->v[3 * i + (size_t)a];
+        double h = (double)p->h[i];
+        for (int a = 0; a < 2; a++) x[a] = p->x[3 * i + (size_t)a], v[a] = (double)p->v[3 * i + (size_t)a];
         before[0] = m, before[1] = m * v[0], before[2] = m * v[1];
         before[3] = m * (p->u[i] + 0.5 * (v[0] * v[0] + v[1] * v[1]));
         must(sphpa_hybrid_part_(&r.h, &born, &err), &err);
