@@ -2032,6 +2032,8 @@ typedef struct sphpa_godunov_params {
     double pilot;   /* [1] C of (1); 0 means 1.9 (with 2 the Gaussian ends on a particle of a lattice
                        where eta is 1 or 1.5); the support of C h is held within half a periodic
                        box. Negative: none, h and rho together as in >>gas (1); with own_h */
+    int pilot_every; /* steps from one (1), or (9), to the next; h follows div v in between; 0 means
+                        4. With 1 contacts and shocks are sharper, and a step costs more */
     double g1, g2;  /* [1] of (8); 0: no conduction */
     int riemann;    /* sphpa_riemann_solver; 0: exact */
     int slopes;     /* one of the first list above */
@@ -13209,7 +13211,10 @@ SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_godunov_apart_(const sphpa_group *near, i
 
 /* ---- h from a pilot density ------------------------------------------------------------------ */
 
-#define SPHPA_PILOT_EVERY_ 4 /* steps from one pilot density to the next */
+/* is it time for the next pilot density? */
+SPHPA_PRIVATE_ bool sphpa_pilot_due_(const sphpa_sim *sim, const sphpa_godunov_params *god) {
+    return sim->stats.steps % (uint64_t)(god->pilot_every > 0 ? god->pilot_every : 4) == 0;
+}
 
 /* [m] the widest H in a periodic box: its support is half of that */
 SPHPA_PRIVATE_ double sphpa_pilot_widest_(const sphpa_sim *sim) {
@@ -13312,9 +13317,9 @@ SPHPA_PRIVATE_ void sphpa_pilot_(sphpa_sim *sim, const sphpa_godunov_params *god
 /* every few steps; in between h follows div v, as in all scenes whose density is a sum */
 SPHPA_PRIVATE_ sphpa_result sphpa_godunov_pilot_(sphpa_sim *sim, void *params, size_t first,
                                                  size_t last, size_t *bad) {
+    const sphpa_godunov_params *god = (const sphpa_godunov_params *)params;
     (void)bad;
-    if (sim->stats.steps % SPHPA_PILOT_EVERY_ == 0)
-        sphpa_pilot_(sim, (const sphpa_godunov_params *)params, first, last);
+    if (sphpa_pilot_due_(sim, god)) sphpa_pilot_(sim, god, first, last);
     return SPHPA_OK;
 }
 
@@ -14135,7 +14140,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_adke_renew_(sphpa_sim *sim, void *params, size
     (void)first;
     (void)last;
     (void)bad;
-    if (sim->stats.steps % SPHPA_PILOT_EVERY_ != 0) return SPHPA_OK;
+    if (!sphpa_pilot_due_(sim, (const sphpa_godunov_params *)params)) return SPHPA_OK;
     if (!sim->work->lists_valid) { /* particles came or went: the tree is of others */
         sphpa_result result = sphpa_sim_settle(sim, NULL);
         if (result != SPHPA_OK) return result;
