@@ -1991,10 +1991,12 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
          V2_i = D^2 + h_i^2 (2BD + C^2)/4 + 3 h_i^4 (2AC + B^2)/16 + 15 h_i^6 A^2/64,  1/rho =
          A s^3 + B s^2 + C s + D with the particles' values and slopes at s = +-r/2         (cubic);
          slopes are pulled to the line's where r < h/2, by 4 r^2/h^2: else their noise rules V2
-     (6) states of the Riemann problem: f_j + df_j, f_i - df_i of rho, P and v.n; df is half of the
-         least of three, none where they differ in sign: the pair's difference D, the slope's g.n r
-         (g: gradient (7)), and twice 2 g.n r - D, the difference on the far side. So no state goes
-         beyond the middle of the two particles; other limiters: see below
+     (6) states of the Riemann problem: f_j + df_j, f_i - df_i of P and v.n; df is half of the
+         least of these, none where they differ in sign: the pair's difference D, the slope's g.n r
+         (g: gradient (7)), and, for v, 4 times 2 g.n r - D, the difference on the far side. So no
+         state goes beyond the middle of the two particles. P has no such far side: that would call
+         the dip of P in every contact an extreme, through which heat leaks. rho stays as it is: it
+         only weighs the others' differences. Other limiters: see below
      (7) g = M^-1 sum_j m_j/rho_j (f_j - f_i) grad W_i,  M = sum_j m_j/rho_j (x_j - x_i) grad W_i:
          exact for linear f
      (8) conduction: du_i/dt += sum_j m_j (H_i + H_j)(u_i - u_j)/(rho r^2) x_ij . (grad W_i + grad
@@ -2011,11 +2013,10 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
 #define SPHPA_DEF SPHPA_LINK_(SPHPA_WANT_GODUNOV_)
 
 enum { /* how (6) limits slopes */
-    SPHPA_GODUNOV_MIDDLE = 0, /* by the least of three: the pair's difference, the slope, twice the
-                                 difference on the far side: no side goes beyond the middle */
-    SPHPA_GODUNOV_VAN_LEER,   /* the harmonic mean of the differences on both sides */
+    SPHPA_GODUNOV_MIDDLE = 0, /* as said there: no side goes beyond the middle */
+    SPHPA_GODUNOV_VAN_LEER,   /* the harmonic mean of the differences on both sides; rho, too */
     SPHPA_GODUNOV_INUTSUKA, /* whole slopes, none where those of v have two signs, or in a shock:
-                               closing speed above a third of the lower sound speed */
+                               closing speed above a third of the lower sound speed; rho, too */
     SPHPA_GODUNOV_FLAT      /* none at all: first order */
 };
 
@@ -7400,7 +7401,7 @@ typedef struct sphpa_riemann_pair_ {
     double a_l;      /* [m/s] sqrt(P_l/rho_l) of l; that of h is u_h */
     double dv;       /* v_r - v_l */
     double mean;     /* (v_l + v_r)/2 */
-    double sign;     /* 1: h is on the right; else -1 */
+    double sign;     /* 1: h is on the right; -1: left; 0: no side is higher, and v is the mean */
 } sphpa_riemann_pair_;
 
 /* where an iteration stands */
@@ -7479,7 +7480,8 @@ SPHPA_FORCE_INLINE_ sphpa_riemann_pair_ sphpa_riemann_pair_of_(double rho_l, dou
                                                                double rho_r, double v_r,
                                                                double P_r) {
     sphpa_riemann_pair_ pair;
-    double denser = rho_r > rho_l ? 1.0 : -1.0, higher = P_r > P_l ? 1.0 : -1.0;
+    double denser = rho_r > rho_l ? 1.0 : rho_r < rho_l ? -1.0 : 0.0;
+    double higher = P_r > P_l ? 1.0 : -1.0;
     pair.sign = P_r == P_l ? denser : higher;
     double rho_h = pair.sign > 0.0 ? rho_r : rho_l, rho = pair.sign > 0.0 ? rho_l : rho_r;
     double low = pair.sign > 0.0 ? P_l : P_r, per = 1.0 / (rho_h * rho);
@@ -13720,14 +13722,22 @@ SPHPA_FORCE_INLINE_ void sphpa_godunov_push_(int dim, const sphpa_godunov_params
     i->reach[k] = g * pair->r;
 }
 
-/* (6): what is added on the way from the particle to the middle; D: the pair's difference, full:
-   g.n r, what the slope makes of it, both in the same direction. No further than to the middle, and
-   nothing where the difference on the far side, 2 full - D, has the other sign. */
-SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_godunov_middle_(sphpa_lanes_ D, sphpa_lanes_ full) {
-    sphpa_lanes_ far = SPHPA_R(4.0) * full - SPHPA_R(2.0) * D; /* twice it */
-    sphpa_lanes_ most = sphpa_lanes_max_(sphpa_lanes_max_(D, full), far);
-    sphpa_lanes_ least = -sphpa_lanes_max_(sphpa_lanes_max_(-D, -full), -far);
+/* half of the least of three, where they have one sign */
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_godunov_least_(sphpa_lanes_ a, sphpa_lanes_ b,
+                                                      sphpa_lanes_ c) {
+    sphpa_lanes_ most = sphpa_lanes_max_(sphpa_lanes_max_(a, b), c);
+    sphpa_lanes_ least = -sphpa_lanes_max_(sphpa_lanes_max_(-a, -b), -c);
     return SPHPA_R(0.5) * (sphpa_lanes_above_(least) - sphpa_lanes_above_(-most));
+}
+
+/* (6): what is added on the way from the particle to the middle; D: the pair's difference, full:
+   g.n r, what the slope makes of it, both in the same direction */
+SPHPA_FORCE_INLINE_ void sphpa_godunov_middle_(int side, sphpa_godunov_pair_ *pair) {
+    sphpa_lanes_ P = pair->to_P[side], v = pair->to_v[side];
+    pair->to_rho[side] = sphpa_lanes_of_(SPHPA_R(0.0));
+    pair->to_P[side] = sphpa_godunov_least_(pair->P_d, P, P);
+    pair->to_v[side] =
+        sphpa_godunov_least_(pair->v_d, v, SPHPA_R(8.0) * v - SPHPA_R(4.0) * pair->v_d);
 }
 
 SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_godunov_van_leer_(sphpa_lanes_ D, sphpa_lanes_ full) {
@@ -13742,9 +13752,7 @@ SPHPA_FORCE_INLINE_ void sphpa_godunov_slopes_(int slopes, const sphpa_godunov_r
     sphpa_lanes_ zero = sphpa_lanes_of_(SPHPA_R(0.0)), cj = zero + j->c;
     for (int side = 0; side < 2; side++) {
         if (slopes == SPHPA_GODUNOV_MIDDLE) {
-            pair->to_rho[side] = sphpa_godunov_middle_(pair->rho_d, pair->to_rho[side]);
-            pair->to_P[side] = sphpa_godunov_middle_(pair->P_d, pair->to_P[side]);
-            pair->to_v[side] = sphpa_godunov_middle_(pair->v_d, pair->to_v[side]);
+            sphpa_godunov_middle_(side, pair);
         } else if (slopes == SPHPA_GODUNOV_VAN_LEER) {
             pair->to_rho[side] = sphpa_godunov_van_leer_(pair->rho_d, pair->to_rho[side]);
             pair->to_P[side] = sphpa_godunov_van_leer_(pair->P_d, pair->to_P[side]);

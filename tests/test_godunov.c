@@ -223,14 +223,16 @@ static const double float_edge = 1.5e-4;
 
 static double least_of(double a, double b) { return fabs(a) < fabs(b) ? a : b; }
 
-/* what (6) adds on the way to the middle: D the difference of the pair, full what the slope says */
-static double reconstruct(int slopes, double D, double full) {
+/* what (6) adds to rho, v, P (q: 0, 1, 2) on the way to the middle: D the difference of the pair, full
+   what the slope says */
+static double reconstruct(int slopes, int q, double D, double full) {
     double far = 2.0 * full - D;
-    if (slopes == SPHPA_GODUNOV_FLAT || (slopes != SPHPA_GODUNOV_INUTSUKA && D * far <= 0.0))
+    if (slopes == SPHPA_GODUNOV_FLAT || (slopes == SPHPA_GODUNOV_VAN_LEER && D * far <= 0.0))
         return 0.0;
     if (slopes == SPHPA_GODUNOV_VAN_LEER) return 0.5 * (2.0 * D * far / (D + far));
     if (slopes == SPHPA_GODUNOV_INUTSUKA) return 0.5 * full;
-    return 0.5 * least_of(least_of(D, full), 2.0 * far);
+    if (q == 0 || D * full <= 0.0 || (q == 1 && D * far <= 0.0)) return 0.0;
+    return 0.5 * least_of(least_of(D, full), q == 1 ? 4.0 * far : D);
 }
 
 /* n.grad v.n of particle i */
@@ -255,7 +257,7 @@ static sphpa_riemann_star pair_star(const gas_scene *g, size_t i, size_t j, cons
     bool turns = g->params.slopes == SPHPA_GODUNOV_INUTSUKA && full[1][0] * full[1][1] < 0.0;
     for (int q = 0; q < 3; q++)
         for (int side = 0; side < 2; side++) {
-            add[q][side] = reconstruct(g->params.slopes, f[q][1] - f[q][0], full[q][side]);
+            add[q][side] = reconstruct(g->params.slopes, q, f[q][1] - f[q][0], full[q][side]);
             if (shock || (q == 1 && turns)) add[q][side] = 0.0;
         }
     sphpa_riemann_state l = {f[0][0] + add[0][0], f[1][0] + add[1][0], f[2][0] + add[2][0]};
