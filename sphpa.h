@@ -2050,8 +2050,8 @@ typedef struct sphpa_godunov_params {
                        derives them; h is then sqrt 2 times what eta says */
 } sphpa_godunov_params;
 
-/* Godunov SPH. The parameters must outlive the simulation. h is renewed by (1) in every fourth step
-   and follows div v in between. Its setup: ERROR_MISSING (no equation of state, or one that is no
+/* Godunov SPH. The parameters must outlive the simulation. h is renewed by (1) every pilot_every
+   steps and follows div v in between. Its setup: ERROR_MISSING (no equation of state, or one that is no
    ideal gas), ERROR_RANGE (a parameter; gammas that differ), ERROR_UNKNOWN (one of the choices),
    ERROR_NOT_FINITE. */
 SPHPA_DEF sphpa_module sphpa_godunov(sphpa_godunov_params *params);
@@ -13234,67 +13234,123 @@ SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_pilot_image_(sphpa_lanes_ d, sphpa_real l
     return d - over + SPHPA_LANES_IF_(d < SPHPA_R(-0.5) * length, whole);
 }
 
-/* sum m_j w(r/H) of a few particles that follow each other, over all that is within `widest` of one
-   of them; H [m] of each lane */
-SPHPA_PRIVATE_ sphpa_lanes_ sphpa_pilot_sum_(const sphpa_sim *sim, int shape, size_t first,
-                                             size_t count, sphpa_lanes_ H, double widest) {
+/* Particles that follow each other and are summed over together: two vectors of them, for they have
+   nearly the same neighbours. Behind the last one it stands once more. */
+#define SPHPA_PILOT_LANES_ (2 * SPHPA_LANES_)
+
+typedef struct sphpa_pilot_lanes_ {
+    double at[3], low[3], high[3]; /* [m] place of the first; box of all, where the tree has them */
+    double reach;                  /* [m] the neighbours' distance from that box at most */
+    sphpa_lanes_ x[2][3];          /* [m] from `at` */
+    sphpa_lanes_ per_H[2], sum[2];
+    bool inside; /* no neighbour is an image, or has left the box since the tree was built */
+} sphpa_pilot_lanes_;
+
+/* H (2 SPHPA_LANES_) [m]; widest: [m] the widest support */
+SPHPA_PRIVATE_ void sphpa_pilot_begin_(const sphpa_sim *sim, size_t first, size_t count,
+                                       const double *H, double widest, sphpa_pilot_lanes_ *i) {
     const sphpa_tree *tree = &sim->tree;
-    sphpa_lanes_ d[3], sum = sphpa_lanes_of_(SPHPA_R(0.0)), per_H = SPHPA_R(1.0) / H, x[3];
-    double low[3], high[3], at[3], own[3], reach = widest + 2.0 * sim->work->moved_max;
-    sphpa_real length[3] = {0, 0, 0};
-    sphpa_tree_walk_ walk;
-    const sphpa_tree_node *leaf;
-    sphpa_sim_position_(sim, first, at);
-    for (int a = 0; a < 3; a++) {
-        x[a] = d[a] = sphpa_lanes_of_(SPHPA_R(0.0));
-        if (tree->box.periodic[a]) length[a] = (sphpa_real)(tree->box.high[a] - tree->box.low[a]);
-    }
-    for (size_t l = 0; l < SPHPA_LANES_; l++) {
-        size_t i = first + (l < count ? l : count - 1);
-        const double *pos = tree->pos + 4 * i; /* where the tree has it */
-        sphpa_sim_position_(sim, i, own);
+    double own[3], moved = sim->work->moved_max;
+    i->reach = widest + 2.0 * moved;
+    i->inside = true;
+    sphpa_sim_position_(sim, first, i->at);
+    for (size_t l = 0; l < SPHPA_PILOT_LANES_; l++) {
+        size_t k = first + (l < count ? l : count - 1), half = l / SPHPA_LANES_;
+        const double *pos = tree->pos + 4 * k;
+        sphpa_sim_position_(sim, k, own);
         for (int a = 0; a < 3; a++) {
-            low[a] = l == 0 ? pos[a] : sphpa_min_(low[a], pos[a]);
-            high[a] = l == 0 ? pos[a] : sphpa_max_(high[a], pos[a]);
-            SPHPA_LANE_(x[a], l) = (sphpa_real)(own[a] - at[a]);
+            i->low[a] = l == 0 ? pos[a] : sphpa_min_(i->low[a], pos[a]);
+            i->high[a] = l == 0 ? pos[a] : sphpa_max_(i->high[a], pos[a]);
+            SPHPA_LANE_(i->x[half][a], l % SPHPA_LANES_) = (sphpa_real)(own[a] - i->at[a]);
+        }
+        SPHPA_LANE_(i->per_H[half], l % SPHPA_LANES_) = (sphpa_real)(1.0 / H[l]);
+    }
+    for (int a = 0; a < 3; a++)
+        if (tree->box.periodic[a] && (i->low[a] - i->reach - moved < tree->box.low[a] ||
+                                      i->high[a] + i->reach + moved > tree->box.high[a]))
+            i->inside = false;
+    i->sum[0] = i->sum[1] = sphpa_lanes_of_(SPHPA_R(0.0));
+}
+
+/* a leaf's share where there are no images */
+SPHPA_FORCE_INLINE_ void sphpa_pilot_leaf_(const sphpa_sim *sim, int shape, int dim,
+                                           const sphpa_tree_node *leaf, sphpa_pilot_lanes_ *i) {
+    sphpa_lanes_ sum[2] = {i->sum[0], i->sum[1]};
+    for (size_t j = leaf->first; j < (size_t)leaf->first + leaf->count; j++) {
+        const double *at = sim->p.x + 3 * j;
+        for (int half = 0; half < 2; half++) {
+            sphpa_lanes_ d = i->x[half][0] - (sphpa_real)(at[0] - i->at[0]), r2 = d * d;
+            for (int a = 1; a < dim; a++) {
+                d = i->x[half][a] - (sphpa_real)(at[a] - i->at[a]);
+                r2 += d * d;
+            }
+            sum[half] += sphpa_godunov_w_(shape, r2 * (i->per_H[half] * i->per_H[half])) *
+                         sim->p.m[j];
         }
     }
-    sphpa_tree_walk_init_(&walk, tree, 1.0);
-    sphpa_tree_walk_start_(&walk, low, high, reach, reach, 0);
-    while ((leaf = sphpa_tree_next_(&walk, SPHPA_TREE_REACH_OWN_)) != NULL)
-        for (size_t j = leaf->first; j < (size_t)leaf->first + leaf->count; j++) {
-            sphpa_lanes_ r2 = sphpa_lanes_of_(SPHPA_R(0.0));
-            sphpa_sim_position_(sim, j, own);
+    i->sum[0] = sum[0];
+    i->sum[1] = sum[1];
+}
+
+/* a leaf's share, each neighbour where it is next to each of the lanes */
+SPHPA_PRIVATE_ void sphpa_pilot_images_(const sphpa_sim *sim, int shape,
+                                        const sphpa_tree_node *leaf, sphpa_pilot_lanes_ *i) {
+    const sphpa_box *box = &sim->tree.box;
+    double own[3];
+    for (size_t j = leaf->first; j < (size_t)leaf->first + leaf->count; j++) {
+        sphpa_sim_position_(sim, j, own);
+        for (int half = 0; half < 2; half++) {
+            sphpa_lanes_ r2 = sphpa_lanes_of_(SPHPA_R(0.0)), d;
             for (int a = 0; a < sim->p.dim; a++) {
-                d[a] = x[a] - (sphpa_real)sphpa_tree_dx_(&tree->box, a, own[a] - at[a]);
-                if (length[a] > 0) d[a] = sphpa_pilot_image_(d[a], length[a]);
-                r2 += d[a] * d[a];
+                sphpa_real length = (sphpa_real)(box->high[a] - box->low[a]);
+                d = i->x[half][a] - (sphpa_real)sphpa_tree_dx_(box, a, own[a] - i->at[a]);
+                if (box->periodic[a]) d = sphpa_pilot_image_(d, length);
+                r2 += d * d;
             }
-            sum += sphpa_godunov_w_(shape, r2 * (per_H * per_H)) * sim->p.m[j];
+            i->sum[half] += sphpa_godunov_w_(shape, r2 * (i->per_H[half] * i->per_H[half])) *
+                            sim->p.m[j];
         }
-    return sum;
+    }
+}
+
+/* sum m_j w(r/H) over all that is within i->reach of the lanes */
+SPHPA_PRIVATE_ void sphpa_pilot_sum_(const sphpa_sim *sim, int shape, sphpa_pilot_lanes_ *i) {
+    const bool usual = shape == SPHPA_GODUNOV_GAUSSIAN_ && i->inside && sim->p.dim == 2;
+    const sphpa_tree_node *leaf;
+    sphpa_tree_walk_ walk;
+    sphpa_tree_walk_init_(&walk, &sim->tree, 1.0);
+    sphpa_tree_walk_start_(&walk, i->low, i->high, i->reach, i->reach, 0);
+    while ((leaf = sphpa_tree_next_(&walk, SPHPA_TREE_REACH_OWN_)) != NULL)
+        if (usual) sphpa_pilot_leaf_(sim, SPHPA_GODUNOV_GAUSSIAN_, 2, leaf, i);
+        else if (i->inside) sphpa_pilot_leaf_(sim, shape, sim->p.dim, leaf, i);
+        else sphpa_pilot_images_(sim, shape, leaf, i);
 }
 
 /* rho^ = sum_j m_j W(r, C h_i) of [first, last), at the places of this evaluation, into rho
-   (last - first); of others only x and m are read */
+   (last - first); of others only x and m are read. Nothing for ghosts among nothing but ghosts. */
 SPHPA_PRIVATE_ void sphpa_pilot_density_(const sphpa_sim *sim, const sphpa_real *h, double C,
                                          size_t first, size_t last, double *rho) {
     sphpa_shape_ shape = sphpa_shape_of_(sim);
     double widest, support = sphpa_kernel_support(sim->options.kernel);
     double most = sphpa_pilot_widest_(sim);
-    for (size_t i = first; i < last; i += SPHPA_LANES_) {
-        size_t count = last - i < SPHPA_LANES_ ? last - i : SPHPA_LANES_;
-        sphpa_lanes_ H = sphpa_lanes_of_(SPHPA_R(0.0));
+    for (size_t i = first; i < last; i += SPHPA_PILOT_LANES_) {
+        size_t count = last - i < SPHPA_PILOT_LANES_ ? last - i : SPHPA_PILOT_LANES_;
+        sphpa_pilot_lanes_ lanes;
+        double H[SPHPA_PILOT_LANES_];
+        size_t ghosts = 0;
+        while (ghosts < count && sphpa_ghost_(&sim->p, i + ghosts)) ghosts++;
+        if (ghosts == count) continue;
         widest = 0.0;
-        for (size_t l = 0; l < SPHPA_LANES_; l++) {
-            double wide = C * (double)h[i + (l < count ? l : count - 1)];
-            SPHPA_LANE_(H, l) = (sphpa_real)sphpa_min_(wide, most);
-            widest = sphpa_max_(widest, support * (double)SPHPA_LANE_(H, l));
+        for (size_t l = 0; l < SPHPA_PILOT_LANES_; l++) {
+            H[l] = sphpa_min_(C * (double)h[i + (l < count ? l : count - 1)], most);
+            widest = sphpa_max_(widest, support * H[l]);
         }
-        sphpa_lanes_ sum = sphpa_pilot_sum_(sim, shape.shape, i, count, H, widest);
+        sphpa_pilot_begin_(sim, i, count, H, widest, &lanes);
+        sphpa_pilot_sum_(sim, shape.shape, &lanes);
         for (size_t l = 0; l < count; l++)
-            rho[i - first + l] = shape.norm * (double)SPHPA_LANE_(sum, l) *
-                         sphpa_kernel_power_(1.0 / (double)SPHPA_LANE_(H, l), shape.dim);
+            rho[i - first + l] =
+                shape.norm * sphpa_kernel_power_(1.0 / H[l], shape.dim) *
+                (double)SPHPA_LANE_(lanes.sum[l / SPHPA_LANES_], l % SPHPA_LANES_);
     }
 }
 
@@ -14036,10 +14092,11 @@ SPHPA_PRIVATE_ void sphpa_godunov_norms_(const sphpa_sim *sim, sphpa_godunov_par
 
 SPHPA_PRIVATE_ sphpa_result sphpa_godunov_setup_(sphpa_sim *sim, void *params, sphpa_error *err) {
     sphpa_godunov_params *god = (sphpa_godunov_params *)params;
-    const sphpa_number_ all[2] = {{"g1", god->g1}, {"g2", god->g2}};
+    const sphpa_number_ all[3] = {{"g1", god->g1}, {"g2", god->g2},
+                                  {"pilot_every", god->pilot_every}};
     sphpa_result result = sphpa_gas_setup_(sim, params, err);
     if (result == SPHPA_OK) result = sphpa_godunov_gamma_(god, err);
-    if (result == SPHPA_OK) result = sphpa_numbers_check_("godunov", all, 2, err);
+    if (result == SPHPA_OK) result = sphpa_numbers_check_("godunov", all, 3, err);
     if (result != SPHPA_OK) return result;
     if (god->riemann < 0 || god->riemann >= (int)SPHPA_RIEMANN_SOLVERS || god->slopes < 0 ||
         god->slopes > SPHPA_GODUNOV_FLAT || god->volume < 0 || god->volume > SPHPA_GODUNOV_DELTA)
@@ -14116,27 +14173,30 @@ SPHPA_PRIVATE_ double sphpa_adke_eps_(const sphpa_godunov_params *god) {
     return god->eps == 0.0 ? 0.5 : sphpa_max_(god->eps, 0.0);
 }
 
-/* rho^ of (9) for a block, and its sum of ln rho^ */
+/* rho^ of (9) for a block, and its sum of ln rho^, but that of ghosts */
 SPHPA_PRIVATE_ double sphpa_adke_block_(sphpa_sim *sim, double *pilot, size_t first, size_t last) {
     double sum = 0.0;
     sphpa_pilot_density_(sim, sim->p.h0, 1.0, first, last, pilot + first);
-    for (size_t i = first; i < last; i++) sum += log(pilot[i]);
+    for (size_t i = first; i < last; i++)
+        if (!sphpa_ghost_(&sim->p, i)) sum += log(pilot[i]);
     return sum;
 }
 
-/* (9) for all: h at the places where the particles are */
+/* (9) for all but ghosts, whose h comes from elsewhere: h at the places where the particles are */
 SPHPA_PRIVATE_ void sphpa_adke_h_(sphpa_sim *sim, const sphpa_godunov_params *god) {
     sphpa_particles *p = &sim->p;
     double *pilot = sphpa_particles_column(p, SPHPA_ADKE_PILOT_), sum = 0.0;
-    long blocks = (long)sphpa_blocks_(p->n), n = (long)p->n;
+    long blocks = (long)sphpa_blocks_(p->n), n = (long)p->n, own = 0;
     SPHPA_OMP(parallel for schedule(dynamic, 1) if (blocks > SPHPA_FEW_))
     for (long block = 0; block < blocks; block++)
         sim->work->block_sum[block] =
             sphpa_adke_block_(sim, pilot, (size_t)block * SPHPA_BLOCK_,
                               sphpa_block_end_((size_t)block, p->n));
     for (long block = 0; block < blocks; block++) sum += sim->work->block_sum[block];
-    double mean = sum / (double)p->n, k = sphpa_adke_k_(god), eps = sphpa_adke_eps_(god);
+    for (long i = 0; i < n; i++) own += sphpa_ghost_(p, (size_t)i) ? 0 : 1;
+    double mean = sum / (double)own, k = sphpa_adke_k_(god), eps = sphpa_adke_eps_(god);
     for (long i = 0; i < n; i++) {
+        if (sphpa_ghost_(p, (size_t)i)) continue;
         double h = k * (double)p->h0[i] * exp(-eps * (log(pilot[i]) - mean));
         p->h[i] = (sphpa_real)(god->gas.h_max > 0.0 ? sphpa_min_(h, god->gas.h_max) : h);
     }
@@ -14222,9 +14282,10 @@ SPHPA_PRIVATE_ double sphpa_adke_courant_(const sphpa_sim *sim, const void *para
 
 SPHPA_PRIVATE_ sphpa_result sphpa_adke_setup_(sphpa_sim *sim, void *params, sphpa_error *err) {
     sphpa_godunov_params *god = (sphpa_godunov_params *)params;
-    const sphpa_number_ all[3] = {{"g1", god->g1}, {"g2", god->g2}, {"k", god->k}};
+    const sphpa_number_ all[4] = {{"g1", god->g1}, {"g2", god->g2}, {"k", god->k},
+                                  {"pilot_every", god->pilot_every}};
     sphpa_result result = sphpa_gas_setup_(sim, params, err);
-    if (result == SPHPA_OK) result = sphpa_numbers_check_("adke", all, 3, err);
+    if (result == SPHPA_OK) result = sphpa_numbers_check_("adke", all, 4, err);
     if (result == SPHPA_OK && !(god->eps <= 1.0))
         result = sphpa_error_set(err, SPHPA_ERROR_RANGE,
                                  "adke: eps = %g; give 0 (the default) to 1, or a negative number "
