@@ -2051,8 +2051,8 @@ typedef struct sphpa_godunov_params {
 } sphpa_godunov_params;
 
 /* Godunov SPH. The parameters must outlive the simulation. h is renewed by (1) every pilot_every
-   steps and follows div v in between. Its setup: ERROR_MISSING (no equation of state, or one that is no
-   ideal gas), ERROR_RANGE (a parameter; gammas that differ), ERROR_UNKNOWN (one of the choices),
+   steps and follows div v in between. Its setup: ERROR_MISSING (no equation of state, or one that
+   is no ideal gas), ERROR_RANGE (a parameter; gammas that differ), ERROR_UNKNOWN (one of the choices),
    ERROR_NOT_FINITE. */
 SPHPA_DEF sphpa_module sphpa_godunov(sphpa_godunov_params *params);
 

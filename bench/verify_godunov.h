@@ -124,8 +124,8 @@ static void verify_godunov_tubes(verify *v, int which, const char *name, double 
 }
 
 /* Sod's 320 + 40 at 0.15: 0.0050 was wanted of the default (PySPH's GSPH has 0.00759). Toro's third
-   with 400 at 0.0075: PySPH's GSPH has 0.0310, with other neighbours, and so must the sharp set; the
-   default has a bound of its own. */
+   with 400 at 0.0075: PySPH's GSPH has 0.0310, with other neighbours, and so must the sharp set;
+   the default has a bound of its own. */
 static void verify_godunov_riemann(verify *v) {
     verify_godunov_tubes(v, VERIFY_SOD, "sod-360", 0.15, 360, 0.0050, 0.0025);
     verify_godunov_tubes(v, VERIFY_TORO3, "toro3-400", 0.0075, 400, 0.042, 0.031);

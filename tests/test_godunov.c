@@ -223,8 +223,8 @@ static const double float_edge = 1.5e-4;
 
 static double least_of(double a, double b) { return fabs(a) < fabs(b) ? a : b; }
 
-/* what (6) adds to rho, v, P (q: 0, 1, 2) on the way to the middle: D the difference of the pair, full
-   what the slope says */
+/* what (6) adds to rho, v, P (q: 0, 1, 2) on the way to the middle: D the difference of the pair,
+   full what the slope says */
 static double reconstruct(int slopes, int q, double D, double full) {
     double far = 2.0 * full - D;
     if (slopes == SPHPA_GODUNOV_FLAT || (slopes == SPHPA_GODUNOV_VAN_LEER && D * far <= 0.0))
