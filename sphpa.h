@@ -2052,8 +2052,8 @@ typedef struct sphpa_godunov_params {
 
 /* Godunov SPH. The parameters must outlive the simulation. h is renewed by (1) every pilot_every
    steps and follows div v in between. Its setup: ERROR_MISSING (no equation of state, or one that
-   is no ideal gas), ERROR_RANGE (a parameter; gammas that differ), ERROR_UNKNOWN (one of the choices),
-   ERROR_NOT_FINITE. */
+   is no ideal gas), ERROR_RANGE (a parameter; gammas that differ), ERROR_UNKNOWN (one of the
+   choices), ERROR_NOT_FINITE. */
 SPHPA_DEF sphpa_module sphpa_godunov(sphpa_godunov_params *params);
 
 /* ADKE, for any equation of state: gas.viscosity, gas.conduction, g1 and g2 are those that are set
@@ -14093,7 +14093,7 @@ SPHPA_PRIVATE_ void sphpa_godunov_norms_(const sphpa_sim *sim, sphpa_godunov_par
 SPHPA_PRIVATE_ sphpa_result sphpa_godunov_setup_(sphpa_sim *sim, void *params, sphpa_error *err) {
     sphpa_godunov_params *god = (sphpa_godunov_params *)params;
     const sphpa_number_ all[3] = {{"g1", god->g1}, {"g2", god->g2},
-                                  {"pilot_every", god->pilot_every}};
+                                  {"pilot_every", (double)god->pilot_every}};
     sphpa_result result = sphpa_gas_setup_(sim, params, err);
     if (result == SPHPA_OK) result = sphpa_godunov_gamma_(god, err);
     if (result == SPHPA_OK) result = sphpa_numbers_check_("godunov", all, 3, err);
@@ -14283,7 +14283,7 @@ SPHPA_PRIVATE_ double sphpa_adke_courant_(const sphpa_sim *sim, const void *para
 SPHPA_PRIVATE_ sphpa_result sphpa_adke_setup_(sphpa_sim *sim, void *params, sphpa_error *err) {
     sphpa_godunov_params *god = (sphpa_godunov_params *)params;
     const sphpa_number_ all[4] = {{"g1", god->g1}, {"g2", god->g2}, {"k", god->k},
-                                  {"pilot_every", god->pilot_every}};
+                                  {"pilot_every", (double)god->pilot_every}};
     sphpa_result result = sphpa_gas_setup_(sim, params, err);
     if (result == SPHPA_OK) result = sphpa_numbers_check_("adke", all, 4, err);
     if (result == SPHPA_OK && !(god->eps <= 1.0))
