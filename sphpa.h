@@ -2017,10 +2017,12 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
          V2_i = D^2 + h_i^2 (2BD + C^2)/4 + 3 h_i^4 (2AC + B^2)/16 + 15 h_i^6 A^2/64,  1/rho =
          A s^3 + B s^2 + C s + D with the particles' values and slopes at s = +-r/2         (cubic);
          slopes are pulled to the line's where r < h/2, by 4 r^2/h^2: else their noise rules V2
-     (6) states of the Riemann problem: f_j + df_j, f_i - df_i of rho, P and v.n; df is half of the
-         least of three, none where they differ in sign: the pair's difference D, the slope's g.n r
-         (g: gradient (7)), and twice 2 g.n r - D, the difference on the far side. So no state goes
-         beyond the middle of the two particles; other limiters: see below
+     (6) states of the Riemann problem: f_j + df_j, f_i - df_i of P and v.n; df is half of the
+         least of these, none where they differ in sign: the pair's difference D, the slope's g.n r
+         (g: gradient (7)), and, for v, 4 times 2 g.n r - D, the difference on the far side. So no
+         state goes beyond the middle of the two particles. P has no such far side: that would call
+         the dip of P in every contact an extreme, through which heat leaks. rho stays as it is: it
+         only weighs the others' differences. Other limiters: see below
      (7) g = M^-1 sum_j m_j/rho_j (f_j - f_i) grad W_i,  M = sum_j m_j/rho_j (x_j - x_i) grad W_i:
          exact for linear f
      (8) conduction: du_i/dt += sum_j m_j (H_i + H_j)(u_i - u_j)/(rho r^2) x_ij . (grad W_i + grad
@@ -2038,11 +2040,10 @@ SPHPA_DEF sphpa_module sphpa_gas(sphpa_gas_params *params);
 #define SPHPA_DEF SPHPA_LINK_(SPHPA_WANT_GODUNOV_)
 
 enum { /* how (6) limits slopes */
-    SPHPA_GODUNOV_MIDDLE = 0, /* by the least of three: the pair's difference, the slope, twice the
-                                 difference on the far side: no side goes beyond the middle */
-    SPHPA_GODUNOV_VAN_LEER,   /* the harmonic mean of the differences on both sides */
+    SPHPA_GODUNOV_MIDDLE = 0, /* as said there: no side goes beyond the middle */
+    SPHPA_GODUNOV_VAN_LEER,   /* the harmonic mean of the differences on both sides; rho, too */
     SPHPA_GODUNOV_INUTSUKA, /* whole slopes, none where those of v have two signs, or in a shock:
-                               closing speed above a third of the lower sound speed */
+                               closing speed above a third of the lower sound speed; rho, too */
     SPHPA_GODUNOV_FLAT      /* none at all: first order */
 };
 
@@ -2059,6 +2060,8 @@ typedef struct sphpa_godunov_params {
     double pilot;   /* [1] C of (1); 0 means 1.9 (with 2 the Gaussian ends on a particle of a lattice
                        where eta is 1 or 1.5); the support of C h is held within half a periodic
                        box. Negative: none, h and rho together as in >>gas (1); with own_h */
+    int pilot_every; /* steps from one (1), or (9), to the next; h follows div v in between; 0 means
+                        4. With 1 contacts and shocks are sharper, and a step costs more */
     double g1, g2;  /* [1] of (8); 0: no conduction */
     int riemann;    /* sphpa_riemann_solver; 0: exact */
     int slopes;     /* one of the first list above */
@@ -2075,10 +2078,10 @@ typedef struct sphpa_godunov_params {
                        derives them; h is then sqrt 2 times what eta says */
 } sphpa_godunov_params;
 
-/* Godunov SPH. The parameters must outlive the simulation. h is renewed by (1) in every fourth step
-   and follows div v in between. Its setup: ERROR_MISSING (no equation of state, or one that is no
-   ideal gas), ERROR_RANGE (a parameter; gammas that differ), ERROR_UNKNOWN (one of the choices),
-   ERROR_NOT_FINITE. */
+/* Godunov SPH. The parameters must outlive the simulation. h is renewed by (1) every pilot_every
+   steps and follows div v in between. Its setup: ERROR_MISSING (no equation of state, or one that
+   is no ideal gas), ERROR_RANGE (a parameter; gammas that differ), ERROR_UNKNOWN (one of the
+   choices), ERROR_NOT_FINITE. */
 SPHPA_DEF sphpa_module sphpa_godunov(sphpa_godunov_params *params);
 
 /* ADKE, for any equation of state: gas.viscosity, gas.conduction, g1 and g2 are those that are set
@@ -7427,7 +7430,7 @@ typedef struct sphpa_riemann_pair_ {
     double a_l;      /* [m/s] sqrt(P_l/rho_l) of l; that of h is u_h */
     double dv;       /* v_r - v_l */
     double mean;     /* (v_l + v_r)/2 */
-    double sign;     /* 1: h is on the right; else -1 */
+    double sign;     /* 1: h is on the right; -1: left; 0: no side is higher, and v is the mean */
 } sphpa_riemann_pair_;
 
 /* where an iteration stands */
@@ -7506,7 +7509,8 @@ SPHPA_FORCE_INLINE_ sphpa_riemann_pair_ sphpa_riemann_pair_of_(double rho_l, dou
                                                                double rho_r, double v_r,
                                                                double P_r) {
     sphpa_riemann_pair_ pair;
-    double denser = rho_r > rho_l ? 1.0 : -1.0, higher = P_r > P_l ? 1.0 : -1.0;
+    double denser = rho_r > rho_l ? 1.0 : rho_r < rho_l ? -1.0 : 0.0;
+    double higher = P_r > P_l ? 1.0 : -1.0;
     pair.sign = P_r == P_l ? denser : higher;
     double rho_h = pair.sign > 0.0 ? rho_r : rho_l, rho = pair.sign > 0.0 ? rho_l : rho_r;
     double low = pair.sign > 0.0 ? P_l : P_r, per = 1.0 / (rho_h * rho);
@@ -13999,7 +14003,10 @@ SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_godunov_apart_(const sphpa_group *near, i
 
 /* ---- h from a pilot density ------------------------------------------------------------------ */
 
-#define SPHPA_PILOT_EVERY_ 4 /* steps from one pilot density to the next */
+/* is it time for the next pilot density? */
+SPHPA_PRIVATE_ bool sphpa_pilot_due_(const sphpa_sim *sim, const sphpa_godunov_params *god) {
+    return sim->stats.steps % (uint64_t)(god->pilot_every > 0 ? god->pilot_every : 4) == 0;
+}
 
 /* [m] the widest H in a periodic box: its support is half of that */
 SPHPA_PRIVATE_ double sphpa_pilot_widest_(const sphpa_sim *sim) {
@@ -14017,70 +14024,125 @@ SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_pilot_image_(sphpa_lanes_ d, sphpa_real l
     return d - over + SPHPA_LANES_IF_(d < SPHPA_R(-0.5) * length, whole);
 }
 
-/* sum m_j w(r/H), or sum w, of a few particles that follow each other, over all that is within
-   `widest` of one of them; H [m] of each lane */
-SPHPA_PRIVATE_ sphpa_lanes_ sphpa_pilot_sum_(const sphpa_sim *sim, int shape, size_t first,
-                                             size_t count, sphpa_lanes_ H, double widest,
-                                             int by_number) {
+/* Particles that follow each other and are summed over together: two vectors of them, for they have
+   nearly the same neighbours. Behind the last one it stands once more. */
+#define SPHPA_PILOT_LANES_ (2 * SPHPA_LANES_)
+
+typedef struct sphpa_pilot_lanes_ {
+    double at[3], low[3], high[3]; /* [m] place of the first; box of all, where the tree has them */
+    double reach;                  /* [m] the neighbours' distance from that box at most */
+    sphpa_lanes_ x[2][3];          /* [m] from `at` */
+    sphpa_lanes_ per_H[2], sum[2];
+    int by_number; /* sum w and not sum m_j w */
+    bool inside; /* no neighbour is an image, or has left the box since the tree was built */
+} sphpa_pilot_lanes_;
+
+/* H (2 SPHPA_LANES_) [m]; widest: [m] the widest support */
+SPHPA_PRIVATE_ void sphpa_pilot_begin_(const sphpa_sim *sim, size_t first, size_t count,
+                                       const double *H, double widest, sphpa_pilot_lanes_ *i) {
     const sphpa_tree *tree = &sim->tree;
-    sphpa_lanes_ d[3], sum = sphpa_lanes_of_(SPHPA_R(0.0)), per_H = SPHPA_R(1.0) / H, x[3];
-    double low[3], high[3], at[3], own[3], reach = widest + 2.0 * sim->work->moved_max;
-    sphpa_real length[3] = {0, 0, 0};
-    sphpa_tree_walk_ walk;
-    const sphpa_tree_node *leaf;
-    sphpa_sim_position_(sim, first, at);
-    for (int a = 0; a < 3; a++) {
-        x[a] = d[a] = sphpa_lanes_of_(SPHPA_R(0.0));
-        if (tree->box.periodic[a]) length[a] = (sphpa_real)(tree->box.high[a] - tree->box.low[a]);
-    }
-    for (size_t l = 0; l < SPHPA_LANES_; l++) {
-        size_t i = first + (l < count ? l : count - 1);
-        const double *pos = tree->pos + 4 * i; /* where the tree has it */
-        sphpa_sim_position_(sim, i, own);
+    double own[3], moved = sim->work->moved_max;
+    i->reach = widest + 2.0 * moved;
+    i->inside = true;
+    sphpa_sim_position_(sim, first, i->at);
+    for (size_t l = 0; l < SPHPA_PILOT_LANES_; l++) {
+        size_t k = first + (l < count ? l : count - 1), half = l / SPHPA_LANES_;
+        const double *pos = tree->pos + 4 * k;
+        sphpa_sim_position_(sim, k, own);
         for (int a = 0; a < 3; a++) {
-            low[a] = l == 0 ? pos[a] : sphpa_min_(low[a], pos[a]);
-            high[a] = l == 0 ? pos[a] : sphpa_max_(high[a], pos[a]);
-            SPHPA_LANE_(x[a], l) = (sphpa_real)(own[a] - at[a]);
+            i->low[a] = l == 0 ? pos[a] : sphpa_min_(i->low[a], pos[a]);
+            i->high[a] = l == 0 ? pos[a] : sphpa_max_(i->high[a], pos[a]);
+            SPHPA_LANE_(i->x[half][a], l % SPHPA_LANES_) = (sphpa_real)(own[a] - i->at[a]);
+        }
+        SPHPA_LANE_(i->per_H[half], l % SPHPA_LANES_) = (sphpa_real)(1.0 / H[l]);
+    }
+    for (int a = 0; a < 3; a++)
+        if (tree->box.periodic[a] && (i->low[a] - i->reach - moved < tree->box.low[a] ||
+                                      i->high[a] + i->reach + moved > tree->box.high[a]))
+            i->inside = false;
+    i->sum[0] = i->sum[1] = sphpa_lanes_of_(SPHPA_R(0.0));
+}
+
+/* a leaf's share where there are no images */
+SPHPA_FORCE_INLINE_ void sphpa_pilot_leaf_(const sphpa_sim *sim, int shape, int dim,
+                                           const sphpa_tree_node *leaf, sphpa_pilot_lanes_ *i) {
+    sphpa_lanes_ sum[2] = {i->sum[0], i->sum[1]};
+    for (size_t j = leaf->first; j < (size_t)leaf->first + leaf->count; j++) {
+        const double *at = sim->p.x + 3 * j;
+        for (int half = 0; half < 2; half++) {
+            sphpa_lanes_ d = i->x[half][0] - (sphpa_real)(at[0] - i->at[0]), r2 = d * d;
+            for (int a = 1; a < dim; a++) {
+                d = i->x[half][a] - (sphpa_real)(at[a] - i->at[a]);
+                r2 += d * d;
+            }
+            sphpa_lanes_ w = sphpa_godunov_w_(shape, r2 * (i->per_H[half] * i->per_H[half]));
+            sum[half] += i->by_number ? w : w * sim->p.m[j];
         }
     }
-    sphpa_tree_walk_init_(&walk, tree, 1.0);
-    sphpa_tree_walk_start_(&walk, low, high, reach, reach, 0);
-    while ((leaf = sphpa_tree_next_(&walk, SPHPA_TREE_REACH_OWN_)) != NULL)
-        for (size_t j = leaf->first; j < (size_t)leaf->first + leaf->count; j++) {
-            sphpa_lanes_ r2 = sphpa_lanes_of_(SPHPA_R(0.0));
-            sphpa_sim_position_(sim, j, own);
+    i->sum[0] = sum[0];
+    i->sum[1] = sum[1];
+}
+
+/* a leaf's share, each neighbour where it is next to each of the lanes */
+SPHPA_PRIVATE_ void sphpa_pilot_images_(const sphpa_sim *sim, int shape,
+                                        const sphpa_tree_node *leaf, sphpa_pilot_lanes_ *i) {
+    const sphpa_box *box = &sim->tree.box;
+    double own[3];
+    for (size_t j = leaf->first; j < (size_t)leaf->first + leaf->count; j++) {
+        sphpa_sim_position_(sim, j, own);
+        for (int half = 0; half < 2; half++) {
+            sphpa_lanes_ r2 = sphpa_lanes_of_(SPHPA_R(0.0)), d;
             for (int a = 0; a < sim->p.dim; a++) {
-                d[a] = x[a] - (sphpa_real)sphpa_tree_dx_(&tree->box, a, own[a] - at[a]);
-                if (length[a] > 0) d[a] = sphpa_pilot_image_(d[a], length[a]);
-                r2 += d[a] * d[a];
+                sphpa_real length = (sphpa_real)(box->high[a] - box->low[a]);
+                d = i->x[half][a] - (sphpa_real)sphpa_tree_dx_(box, a, own[a] - i->at[a]);
+                if (box->periodic[a]) d = sphpa_pilot_image_(d, length);
+                r2 += d * d;
             }
-            sphpa_lanes_ w = sphpa_godunov_w_(shape, r2 * (per_H * per_H));
-            sum += w * (by_number ? SPHPA_R(1.0) : sim->p.m[j]);
+            sphpa_lanes_ w = sphpa_godunov_w_(shape, r2 * (i->per_H[half] * i->per_H[half]));
+            i->sum[half] += i->by_number ? w : w * sim->p.m[j];
         }
-    return sum;
+    }
+}
+
+/* sum m_j w(r/H), or sum w, over all that is within i->reach of the lanes */
+SPHPA_PRIVATE_ void sphpa_pilot_sum_(const sphpa_sim *sim, int shape, sphpa_pilot_lanes_ *i) {
+    const bool usual = shape == SPHPA_GODUNOV_GAUSSIAN_ && i->inside && sim->p.dim == 2;
+    const sphpa_tree_node *leaf;
+    sphpa_tree_walk_ walk;
+    sphpa_tree_walk_init_(&walk, &sim->tree, 1.0);
+    sphpa_tree_walk_start_(&walk, i->low, i->high, i->reach, i->reach, 0);
+    while ((leaf = sphpa_tree_next_(&walk, SPHPA_TREE_REACH_OWN_)) != NULL)
+        if (usual) sphpa_pilot_leaf_(sim, SPHPA_GODUNOV_GAUSSIAN_, 2, leaf, i);
+        else if (i->inside) sphpa_pilot_leaf_(sim, shape, sim->p.dim, leaf, i);
+        else sphpa_pilot_images_(sim, shape, leaf, i);
 }
 
 /* rho^ = sum_j m_j W(r, C h_i), or m_i sum_j W, of [first, last), at the places of this evaluation,
-   into rho (last - first); of others only x and m are read */
+   into rho (last - first); of others only x and m are read. Nothing for ghosts among nothing but ghosts. */
 SPHPA_PRIVATE_ void sphpa_pilot_density_(const sphpa_sim *sim, const sphpa_real *h, double C,
                                          int by_number, size_t first, size_t last, double *rho) {
     sphpa_shape_ shape = sphpa_shape_of_(sim);
     double widest, support = sphpa_kernel_support(sim->options.kernel);
     double most = sphpa_pilot_widest_(sim);
-    for (size_t i = first; i < last; i += SPHPA_LANES_) {
-        size_t count = last - i < SPHPA_LANES_ ? last - i : SPHPA_LANES_;
-        sphpa_lanes_ H = sphpa_lanes_of_(SPHPA_R(0.0));
+    for (size_t i = first; i < last; i += SPHPA_PILOT_LANES_) {
+        size_t count = last - i < SPHPA_PILOT_LANES_ ? last - i : SPHPA_PILOT_LANES_;
+        sphpa_pilot_lanes_ lanes;
+        double H[SPHPA_PILOT_LANES_];
+        size_t ghosts = 0;
+        while (ghosts < count && sphpa_ghost_(&sim->p, i + ghosts)) ghosts++;
+        if (ghosts == count) continue;
         widest = 0.0;
-        for (size_t l = 0; l < SPHPA_LANES_; l++) {
-            double wide = C * (double)h[i + (l < count ? l : count - 1)];
-            SPHPA_LANE_(H, l) = (sphpa_real)sphpa_min_(wide, most);
-            widest = sphpa_max_(widest, support * (double)SPHPA_LANE_(H, l));
+        for (size_t l = 0; l < SPHPA_PILOT_LANES_; l++) {
+            H[l] = sphpa_min_(C * (double)h[i + (l < count ? l : count - 1)], most);
+            widest = sphpa_max_(widest, support * H[l]);
         }
-        sphpa_lanes_ sum = sphpa_pilot_sum_(sim, shape.shape, i, count, H, widest, by_number);
+        lanes.by_number = by_number;
+        sphpa_pilot_begin_(sim, i, count, H, widest, &lanes);
+        sphpa_pilot_sum_(sim, shape.shape, &lanes);
         for (size_t l = 0; l < count; l++) {
             double of = shape.norm * (by_number ? (double)sim->p.m[i + l] : 1.0);
-            rho[i - first + l] = of * (double)SPHPA_LANE_(sum, l) *
-                                 sphpa_kernel_power_(1.0 / (double)SPHPA_LANE_(H, l), shape.dim);
+            rho[i - first + l] = of * sphpa_kernel_power_(1.0 / H[l], shape.dim) *
+                                 (double)SPHPA_LANE_(lanes.sum[l / SPHPA_LANES_], l % SPHPA_LANES_);
         }
     }
 }
@@ -14107,9 +14169,9 @@ SPHPA_PRIVATE_ void sphpa_pilot_(sphpa_sim *sim, const sphpa_godunov_params *god
 /* every few steps; in between h follows div v, as in all scenes whose density is a sum */
 SPHPA_PRIVATE_ sphpa_result sphpa_godunov_pilot_(sphpa_sim *sim, void *params, size_t first,
                                                  size_t last, size_t *bad) {
+    const sphpa_godunov_params *god = (const sphpa_godunov_params *)params;
     (void)bad;
-    if (sim->stats.steps % SPHPA_PILOT_EVERY_ == 0)
-        sphpa_pilot_(sim, (const sphpa_godunov_params *)params, first, last);
+    if (sphpa_pilot_due_(sim, god)) sphpa_pilot_(sim, god, first, last);
     return SPHPA_OK;
 }
 
@@ -14519,14 +14581,22 @@ SPHPA_FORCE_INLINE_ void sphpa_godunov_push_(int dim, const sphpa_godunov_params
     i->reach[k] = g * pair->r;
 }
 
-/* (6): what is added on the way from the particle to the middle; D: the pair's difference, full:
-   g.n r, what the slope makes of it, both in the same direction. No further than to the middle, and
-   nothing where the difference on the far side, 2 full - D, has the other sign. */
-SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_godunov_middle_(sphpa_lanes_ D, sphpa_lanes_ full) {
-    sphpa_lanes_ far = SPHPA_R(4.0) * full - SPHPA_R(2.0) * D; /* twice it */
-    sphpa_lanes_ most = sphpa_lanes_max_(sphpa_lanes_max_(D, full), far);
-    sphpa_lanes_ least = -sphpa_lanes_max_(sphpa_lanes_max_(-D, -full), -far);
+/* half of the least of three, where they have one sign */
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_godunov_least_(sphpa_lanes_ a, sphpa_lanes_ b,
+                                                      sphpa_lanes_ c) {
+    sphpa_lanes_ most = sphpa_lanes_max_(sphpa_lanes_max_(a, b), c);
+    sphpa_lanes_ least = -sphpa_lanes_max_(sphpa_lanes_max_(-a, -b), -c);
     return SPHPA_R(0.5) * (sphpa_lanes_above_(least) - sphpa_lanes_above_(-most));
+}
+
+/* (6): what is added on the way from the particle to the middle; D: the pair's difference, full:
+   g.n r, what the slope makes of it, both in the same direction */
+SPHPA_FORCE_INLINE_ void sphpa_godunov_middle_(int side, sphpa_godunov_pair_ *pair) {
+    sphpa_lanes_ P = pair->to_P[side], v = pair->to_v[side];
+    pair->to_rho[side] = sphpa_lanes_of_(SPHPA_R(0.0));
+    pair->to_P[side] = sphpa_godunov_least_(pair->P_d, P, P);
+    pair->to_v[side] =
+        sphpa_godunov_least_(pair->v_d, v, SPHPA_R(8.0) * v - SPHPA_R(4.0) * pair->v_d);
 }
 
 SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_godunov_van_leer_(sphpa_lanes_ D, sphpa_lanes_ full) {
@@ -14541,9 +14611,7 @@ SPHPA_FORCE_INLINE_ void sphpa_godunov_slopes_(int slopes, const sphpa_godunov_r
     sphpa_lanes_ zero = sphpa_lanes_of_(SPHPA_R(0.0)), cj = zero + j->c;
     for (int side = 0; side < 2; side++) {
         if (slopes == SPHPA_GODUNOV_MIDDLE) {
-            pair->to_rho[side] = sphpa_godunov_middle_(pair->rho_d, pair->to_rho[side]);
-            pair->to_P[side] = sphpa_godunov_middle_(pair->P_d, pair->to_P[side]);
-            pair->to_v[side] = sphpa_godunov_middle_(pair->v_d, pair->to_v[side]);
+            sphpa_godunov_middle_(side, pair);
         } else if (slopes == SPHPA_GODUNOV_VAN_LEER) {
             pair->to_rho[side] = sphpa_godunov_van_leer_(pair->rho_d, pair->to_rho[side]);
             pair->to_P[side] = sphpa_godunov_van_leer_(pair->P_d, pair->to_P[side]);
@@ -14827,10 +14895,11 @@ SPHPA_PRIVATE_ void sphpa_godunov_norms_(const sphpa_sim *sim, sphpa_godunov_par
 
 SPHPA_PRIVATE_ sphpa_result sphpa_godunov_setup_(sphpa_sim *sim, void *params, sphpa_error *err) {
     sphpa_godunov_params *god = (sphpa_godunov_params *)params;
-    const sphpa_number_ all[2] = {{"g1", god->g1}, {"g2", god->g2}};
+    const sphpa_number_ all[3] = {{"g1", god->g1}, {"g2", god->g2},
+                                  {"pilot_every", (double)god->pilot_every}};
     sphpa_result result = sphpa_gas_setup_(sim, params, err);
     if (result == SPHPA_OK) result = sphpa_godunov_gamma_(god, err);
-    if (result == SPHPA_OK) result = sphpa_numbers_check_("godunov", all, 2, err);
+    if (result == SPHPA_OK) result = sphpa_numbers_check_("godunov", all, 3, err);
     if (result != SPHPA_OK) return result;
     if (god->riemann < 0 || god->riemann >= (int)SPHPA_RIEMANN_SOLVERS || god->slopes < 0 ||
         god->slopes > SPHPA_GODUNOV_FLAT || god->volume < 0 || god->volume > SPHPA_GODUNOV_DELTA)
@@ -14907,27 +14976,30 @@ SPHPA_PRIVATE_ double sphpa_adke_eps_(const sphpa_godunov_params *god) {
     return god->eps == 0.0 ? 0.5 : sphpa_max_(god->eps, 0.0);
 }
 
-/* rho^ of (9) for a block, and its sum of ln rho^ */
+/* rho^ of (9) for a block, and its sum of ln rho^, but that of ghosts */
 SPHPA_PRIVATE_ double sphpa_adke_block_(sphpa_sim *sim, double *pilot, size_t first, size_t last) {
     double sum = 0.0;
     sphpa_pilot_density_(sim, sim->p.h0, 1.0, 0, first, last, pilot + first);
-    for (size_t i = first; i < last; i++) sum += log(pilot[i]);
+    for (size_t i = first; i < last; i++)
+        if (!sphpa_ghost_(&sim->p, i)) sum += log(pilot[i]);
     return sum;
 }
 
-/* (9) for all: h at the places where the particles are */
+/* (9) for all but ghosts, whose h comes from elsewhere: h at the places where the particles are */
 SPHPA_PRIVATE_ void sphpa_adke_h_(sphpa_sim *sim, const sphpa_godunov_params *god) {
     sphpa_particles *p = &sim->p;
     double *pilot = sphpa_particles_column(p, SPHPA_ADKE_PILOT_), sum = 0.0;
-    long blocks = (long)sphpa_blocks_(p->n), n = (long)p->n;
+    long blocks = (long)sphpa_blocks_(p->n), n = (long)p->n, own = 0;
     SPHPA_OMP(parallel for schedule(dynamic, 1) if (blocks > SPHPA_FEW_))
     for (long block = 0; block < blocks; block++)
         sim->work->block_sum[block] =
             sphpa_adke_block_(sim, pilot, (size_t)block * SPHPA_BLOCK_,
                               sphpa_block_end_((size_t)block, p->n));
     for (long block = 0; block < blocks; block++) sum += sim->work->block_sum[block];
-    double mean = sum / (double)p->n, k = sphpa_adke_k_(god), eps = sphpa_adke_eps_(god);
+    for (long i = 0; i < n; i++) own += sphpa_ghost_(p, (size_t)i) ? 0 : 1;
+    double mean = sum / (double)own, k = sphpa_adke_k_(god), eps = sphpa_adke_eps_(god);
     for (long i = 0; i < n; i++) {
+        if (sphpa_ghost_(p, (size_t)i)) continue;
         double h = k * (double)p->h0[i] * exp(-eps * (log(pilot[i]) - mean));
         p->h[i] = (sphpa_real)(god->gas.h_max > 0.0 ? sphpa_min_(h, god->gas.h_max) : h);
     }
@@ -14939,7 +15011,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_adke_renew_(sphpa_sim *sim, void *params, size
     (void)first;
     (void)last;
     (void)bad;
-    if (sim->stats.steps % SPHPA_PILOT_EVERY_ != 0) return SPHPA_OK;
+    if (!sphpa_pilot_due_(sim, (const sphpa_godunov_params *)params)) return SPHPA_OK;
     if (!sim->work->lists_valid) { /* particles came or went: the tree is of others */
         sphpa_result result = sphpa_sim_settle(sim, NULL);
         if (result != SPHPA_OK) return result;
@@ -15013,9 +15085,10 @@ SPHPA_PRIVATE_ double sphpa_adke_courant_(const sphpa_sim *sim, const void *para
 
 SPHPA_PRIVATE_ sphpa_result sphpa_adke_setup_(sphpa_sim *sim, void *params, sphpa_error *err) {
     sphpa_godunov_params *god = (sphpa_godunov_params *)params;
-    const sphpa_number_ all[3] = {{"g1", god->g1}, {"g2", god->g2}, {"k", god->k}};
+    const sphpa_number_ all[4] = {{"g1", god->g1}, {"g2", god->g2}, {"k", god->k},
+                                  {"pilot_every", (double)god->pilot_every}};
     sphpa_result result = sphpa_gas_setup_(sim, params, err);
-    if (result == SPHPA_OK) result = sphpa_numbers_check_("adke", all, 3, err);
+    if (result == SPHPA_OK) result = sphpa_numbers_check_("adke", all, 4, err);
     if (result == SPHPA_OK && !(god->eps <= 1.0))
         result = sphpa_error_set(err, SPHPA_ERROR_RANGE,
                                  "adke: eps = %g; give 0 (the default) to 1, or a negative number "
