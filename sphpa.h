@@ -2446,9 +2446,11 @@ SPHPA_DEF sphpa_grid_sums sphpa_grid_totals(const sphpa_grid *grid);
          of at least a cell's width and sum_c w_ic = 1, D_c = sum_i w_ic m_i (1, v_i, u_i + v_i^2/2)
      (7) what all of a connected active region gained by (6) over what (1) had said, the cells around
          it lose: each in proportion to the flux through its faces to the region (so still air that
-         meets it loses nothing), and so does what left through edges of the mesh there. Mass,
-         momentum and energy of the mesh are what they were but for rounding; what would make a
-         cell's pressure negative is left out and counted in `unplaced`.
+         meets it loses nothing), and so does what left through edges of the mesh there. What would
+         take half of such a cell's mass or pressure all of the region gives: its cells and particles
+         by one factor of m, one of u and one change of v; where that were more than a tenth, it is
+         left out and counted in `unplaced`. Mass, momentum and energy of the mesh are, together with
+         this, what they were but for rounding.
    Published (Myers et al. 2024): no (7), mean rho, v and P of the particles in (6), cells' points with
    their bilinear values in (3): that drifts.
    References: Myers, Palmer & Palmer 2023, Comput. Methods Appl. Mech. Eng. 417, 116412; Myers et
@@ -19101,7 +19103,7 @@ SPHPA_PRIVATE_ size_t sphpa_hybrid_connect_(sphpa_hybrid *h, size_t start) {
     const sphpa_grid *grid = &h->grid;
     size_t done = 0, end = 0, i = 0, j = 0;
     work->queue[end++] = (int32_t)start;
-    work->component[start] = 1;
+    work->component[start] = (int32_t)start;
     for (; done < end; done++)
         for (int k = 0; k < 9; k++) {
             size_t c = (size_t)work->queue[done];
@@ -19112,15 +19114,16 @@ SPHPA_PRIVATE_ size_t sphpa_hybrid_connect_(sphpa_hybrid *h, size_t start) {
             if (work->component[other] >= 0 ||
                 sphpa_hybrid_kind_(h->cell[other]) != SPHPA_HYBRID_ACTIVE)
                 continue;
-            work->component[other] = 1;
+            work->component[other] = (int32_t)start;
             work->queue[end++] = (int32_t)other;
         }
     return end;
 }
 
-/* takes gain[q] share of the region's gain from a cell, if that leaves half of its mass and pressure;
-   else it is unplaced */
-SPHPA_PRIVATE_ void sphpa_hybrid_take_(sphpa_hybrid *h, size_t cell, const double take[4]) {
+/* takes from a cell its share of the region's gain, if that leaves half of its mass and pressure; else
+   it is added to rest */
+SPHPA_PRIVATE_ void sphpa_hybrid_take_(sphpa_hybrid *h, size_t cell, const double take[4],
+                                       double rest[4]) {
     sphpa_grid *grid = &h->grid;
     double *const U[4] = {grid->rho, grid->mx, grid->my, grid->E}, before[4];
     double V = grid->dx[0] * grid->dx[1], gamma = grid->options.gamma;
@@ -19134,11 +19137,67 @@ SPHPA_PRIVATE_ void sphpa_hybrid_take_(sphpa_hybrid *h, size_t cell, const doubl
         h->stats.exchanged_energy += fabs(take[3]);
         return;
     }
-    for (int q = 0; q < 4; q++) U[q][cell] = before[q];
-    h->stats.unplaced.mass += take[0];
-    h->stats.unplaced.momentum[0] += take[1];
-    h->stats.unplaced.momentum[1] += take[2];
-    h->stats.unplaced.energy += take[3];
+    for (int q = 0; q < 4; q++) {
+        U[q][cell] = before[q];
+        rest[q] += take[q];
+    }
+}
+
+/* sums over the cells queue[0 .. count) [per V]: mass, momenta, energy; energy within */
+SPHPA_PRIVATE_ double sphpa_hybrid_content_(const sphpa_hybrid *h, size_t count, double sum[4]) {
+    const sphpa_grid *grid = &h->grid;
+    double *const U[4] = {grid->rho, grid->mx, grid->my, grid->E}, inner = 0.0;
+    for (int q = 0; q < 4; q++) sum[q] = 0.0;
+    for (size_t k = 0; k < count; k++) {
+        size_t c = (size_t)h->work->queue[k];
+        for (int q = 0; q < 4; q++) sum[q] += U[q][c];
+        inner += U[3][c] - 0.5 * (U[1][c] * U[1][c] + U[2][c] * U[2][c]) / U[0][c];
+    }
+    return inner;
+}
+
+/* the same change of m, v and u for cells and particles of the region */
+SPHPA_PRIVATE_ void sphpa_hybrid_change_(sphpa_hybrid *h, size_t count, double m, const double dv[2],
+                                         double u) {
+    sphpa_grid *grid = &h->grid;
+    sphpa_particles *p = &h->sim.p;
+    int32_t region = h->work->component[h->work->queue[0]];
+    for (size_t k = 0; k < count; k++) {
+        size_t c = (size_t)h->work->queue[k];
+        double *at[2] = {&grid->mx[c], &grid->my[c]}, rho = grid->rho[c];
+        double inner = grid->E[c] - 0.5 * (*at[0] * *at[0] + *at[1] * *at[1]) / rho;
+        grid->rho[c] = rho = m * rho;
+        for (int a = 0; a < 2; a++) *at[a] = m * *at[a] + rho * dv[a];
+        grid->E[c] = m * u * inner + 0.5 * (*at[0] * *at[0] + *at[1] * *at[1]) / rho;
+    }
+    for (size_t i = 0; i < p->n; i++) {
+        size_t c = 0;
+        if (p->ghost[i] != 0 || !sphpa_hybrid_cell_of_(grid, p->x + 3 * i, &c)) continue;
+        if (h->work->component[c] != region) continue;
+        p->m[i] = (sphpa_real)(m * (double)p->m[i]);
+        p->u[i] *= u;
+        for (size_t a = 0; a < 2; a++) p->v[3 * i + a] += (sphpa_real)dv[a];
+    }
+}
+
+/* what cells around could not give, from the region itself */
+SPHPA_PRIVATE_ void sphpa_hybrid_rest_(sphpa_hybrid *h, size_t count, const double rest[4]) {
+    double V = h->grid.dx[0] * h->grid.dx[1], sum[4], dv[2], kinetic = 0.0;
+    double inner = sphpa_hybrid_content_(h, count, sum), m = 1.0 - rest[0] / (V * sum[0]);
+    for (int a = 0; a < 2; a++) dv[a] = ((1.0 - m) * sum[1 + a] - rest[1 + a] / V) / (m * sum[0]);
+    /* of all cells: m (sum rho v^2/2 + sum rho v . dv + sum rho dv^2/2) */
+    kinetic = sum[3] - inner + sum[1] * dv[0] + sum[2] * dv[1] +
+              0.5 * sum[0] * (dv[0] * dv[0] + dv[1] * dv[1]);
+    double u = (sum[3] - rest[3] / V - m * kinetic) / (m * inner);
+    if (fabs(m - 1.0) < 0.1 && fabs(u - 1.0) < 0.1) {
+        h->stats.exchanged_energy += fabs(rest[3]);
+        sphpa_hybrid_change_(h, count, m, dv, u);
+        return;
+    }
+    h->stats.unplaced.mass += rest[0];
+    h->stats.unplaced.momentum[0] += rest[1];
+    h->stats.unplaced.momentum[1] += rest[2];
+    h->stats.unplaced.energy += rest[3];
 }
 
 /* what an edge of the mesh takes part with where cell c is at it: a wall only by its push */
@@ -19152,8 +19211,9 @@ SPHPA_PRIVATE_ void sphpa_hybrid_edge_(const sphpa_grid *grid, size_t c, int sid
 
 /* (7) for the region queue[0 .. count): gain is what its cells got over what the mesh had said. Round
    0 clears the weights of the cells around it, 1 sums them, 2 takes; edges of the mesh have theirs by
-   what they said to have let out. */
-SPHPA_PRIVATE_ void sphpa_hybrid_reflux_(sphpa_hybrid *h, size_t count, const double gain[4]) {
+   what they said to have let out; rest[q] is what cells around cannot give. */
+SPHPA_PRIVATE_ void sphpa_hybrid_reflux_(sphpa_hybrid *h, size_t count, const double gain[4],
+                                         double rest[4]) {
     struct sphpa_hybrid_work *work = h->work;
     sphpa_grid *grid = &h->grid;
     double F[4], sum[4] = {0.0, 0.0, 0.0, 0.0}, edge[4] = {0.0, 0.0, 0.0, 0.0}, take[4];
@@ -19177,7 +19237,7 @@ SPHPA_PRIVATE_ void sphpa_hybrid_reflux_(sphpa_hybrid *h, size_t count, const do
                 if (round != 1) work->weight[q][other] = 0.0;
                 else work->weight[q][other] += F[q], sum[q] += F[q];
             }
-            if (round == 2 && once) sphpa_hybrid_take_(h, other, take);
+            if (round == 2 && once) sphpa_hybrid_take_(h, other, take, rest);
         }
     for (int q = 0; q < 4; q++) /* a periodic or closed box full of particles: rounding */
         *left[q] -= sum[q] > 0.0 ? gain[q] * (edge[q] / sum[q]) : gain[q];
@@ -19193,7 +19253,7 @@ SPHPA_PRIVATE_ void sphpa_hybrid_give_(sphpa_hybrid *h) {
     for (size_t start = 0; start < grid->n; start++) {
         if (sphpa_hybrid_kind_(h->cell[start]) != SPHPA_HYBRID_ACTIVE) continue;
         if (work->component[start] >= 0) continue;
-        double gain[4] = {0.0, 0.0, 0.0, 0.0};
+        double gain[4] = {0.0, 0.0, 0.0, 0.0}, rest[4] = {0.0, 0.0, 0.0, 0.0};
         size_t count = sphpa_hybrid_connect_(h, start);
         for (size_t k = 0; k < count; k++) {
             size_t c = (size_t)work->queue[k];
@@ -19203,7 +19263,8 @@ SPHPA_PRIVATE_ void sphpa_hybrid_give_(sphpa_hybrid *h) {
                 U[q][c] = work->deposit[q][c] / V;
             }
         }
-        sphpa_hybrid_reflux_(h, count, gain);
+        sphpa_hybrid_reflux_(h, count, gain, rest);
+        if (rest[0] != 0.0 || rest[3] != 0.0) sphpa_hybrid_rest_(h, count, rest);
     }
 }
 

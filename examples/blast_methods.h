@@ -313,6 +313,26 @@ static void blast_put_back(sphpa_sim *sim, const sphpa_particles *p, const doubl
             if (sim->p.ghost[i] == 0 && sim->p.id[i] == p->id[k]) sim->p.u[i] = below[k];
 }
 
+/* Particles that a run has brought to one point (their kernels do not push there) are a little apart,
+   as a simulation must begin. */
+static sphpa_result blast_part_twins(sphpa_particles *p, sphpa_error *err) {
+    sphpa_tree tree;
+    size_t i = 0, j = 0;
+    double *support = (double *)malloc(p->n * sizeof *support);
+    memset(&tree, 0, sizeof tree);
+    if (support == NULL)
+        return sphpa_error_set(err, SPHPA_ERROR_MEMORY, "no memory for %zu particles", p->n);
+    for (size_t k = 0; k < p->n; k++) support[k] = (double)p->h[k];
+    sphpa_result result = sphpa_tree_build(&tree, 2, p->n, p->x, support, NULL, err);
+    while (result == SPHPA_OK && sphpa_tree_coincident(&tree, &i, &j) != SPHPA_OK) {
+        p->x[3 * j] += 1e-6 * support[j];
+        result = sphpa_tree_build(&tree, 2, p->n, p->x, support, NULL, err);
+    }
+    sphpa_tree_free(&tree);
+    free(support);
+    return result;
+}
+
 /* The particles without their images, and still air around them. */
 static sphpa_result blast_grow_sph(blast_run *run, size_t across, sphpa_error *err) {
     sphpa_particles p, *old = &run->sim.p;
@@ -326,6 +346,7 @@ static sphpa_result blast_grow_sph(blast_run *run, size_t across, sphpa_error *e
         result = sphpa_error_set(err, SPHPA_ERROR_MEMORY, "no memory for %zu particles", n);
     for (size_t i = 0; i < n && result == SPHPA_OK; i++) keep[i] = old->ghost[i] == 0;
     if (result == SPHPA_OK) result = sphpa_particles_remove(&p, keep, err);
+    if (result == SPHPA_OK) result = blast_part_twins(&p, err);
     size_t kept = result == SPHPA_OK ? p.n : 0;
     for (size_t i = 0; i < kept; i++) {
         below[i] = p.u[i];

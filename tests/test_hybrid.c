@@ -1153,7 +1153,7 @@ static void shocks_pass(void **state) {
    lose and what is said to have left together is that */
 static void give(rig *r, const double gain[4], double lost[4]) {
     sphpa_hybrid *h = &r->h;
-    double *const U[4] = {h->grid.rho, h->grid.mx, h->grid.my, h->grid.E};
+    double *const U[4] = {h->grid.rho, h->grid.mx, h->grid.my, h->grid.E}, rest[4] = {0, 0, 0, 0};
     for (int q = 0; q < 4; q++) lost[q] = 0.0;
     for (size_t c = 0; c < h->grid.n; c++)
         for (int q = 0; q < 4; q++) lost[q] += U[q][c];
@@ -1162,7 +1162,8 @@ static void give(rig *r, const double gain[4], double lost[4]) {
     while ((h->cell[first] & 3) != SPHPA_HYBRID_ACTIVE) first++;
     size_t count = sphpa_hybrid_connect_(h, first);
     assert_int_equal(count, h->stats.cells);
-    sphpa_hybrid_reflux_(h, count, gain);
+    sphpa_hybrid_reflux_(h, count, gain, rest);
+    if (rest[3] > 0.0) sphpa_hybrid_rest_(h, count, rest);
     for (size_t c = 0; c < h->grid.n; c++)
         for (int q = 0; q < 4; q++) lost[q] -= U[q][c];
 }
@@ -1231,7 +1232,39 @@ static void corners_connect(void **state) {
     sphpa_hybrid_free(&r.h);
 }
 
-/* more than the cells around can bear stays where it was, is counted, and counts not as moved */
+/* what the cells around cannot bear, cells and particles of the region give, by the same factors */
+static void a_region_gives_the_rest(void **state) {
+    (void)state;
+    static rig r;
+    double v[2] = {0.3, -0.2}, gain[4] = {20.0, 3.0, -2.0, 100.0}, lost[4], was[4];
+    prepare(&r, 16, 16, SPHPA_GRID_PERIODIC);
+    r.pattern = BLOCK;
+    start(&r, uniform_at, v, 1);
+    sphpa_particles *p = &r.h.sim.p;
+    double *const U[4] = {r.h.grid.rho, r.h.grid.mx, r.h.grid.my, r.h.grid.E};
+    size_t i = 0, cell = 0;
+    while (p->ghost[i] != 0) i++;
+    (void)sphpa_hybrid_at_(&r.h, i, &cell);
+    for (size_t c = 0; c < r.h.grid.n; c++)
+        for (int q = 0; q < 4 && (r.h.cell[c] & 3) == SPHPA_HYBRID_ACTIVE; q++) U[q][c] *= 1e4;
+    for (int q = 0; q < 4; q++) was[q] = U[q][cell];
+    double m = (double)p->m[i], u = p->u[i], speed[2] = {(double)p->v[3 * i], (double)p->v[3 * i + 1]};
+    double inner = was[3] - 0.5 * (was[1] * was[1] + was[2] * was[2]) / was[0];
+    give(&r, gain, lost);
+    for (int q = 0; q < 4; q++) assert_near_abs(lost[q], gain[q], 1e-8); /* of 1e6 */
+    assert_true(fabs(r.h.stats.unplaced.energy) + fabs(r.h.stats.unplaced.mass) < 1e-300);
+    double now = U[3][cell] - 0.5 * (pow(U[1][cell], 2.0) + pow(U[2][cell], 2.0)) / U[0][cell];
+    double fine = FINE(1e-12, 8 * FLOAT_ROUNDING);
+    assert_true(U[0][cell] < was[0] && now < inner);
+    assert_near((double)p->m[i] / m, U[0][cell] / was[0], fine);
+    assert_near(p->u[i] / u, now / inner / (U[0][cell] / was[0]), fine);
+    for (int a = 0; a < 2; a++)
+        assert_near_abs((double)p->v[3 * i + (size_t)a] - speed[a],
+                        U[1 + a][cell] / U[0][cell] - was[1 + a] / was[0], fine);
+    sphpa_hybrid_free(&r.h);
+}
+
+/* more than that stays where it was, is counted, and counts not as moved */
 static void what_has_no_place_is_counted(void **state) {
     (void)state;
     static rig r;
@@ -1408,6 +1441,7 @@ int main(void) {
         cmocka_unit_test(gains_are_paid_by_the_flow),
         cmocka_unit_test(walls_take_their_push),
         cmocka_unit_test(corners_connect),
+        cmocka_unit_test(a_region_gives_the_rest),
         cmocka_unit_test(what_has_no_place_is_counted),
         cmocka_unit_test(create_refuses),
         cmocka_unit_test(steps_refuse),
