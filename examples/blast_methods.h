@@ -386,7 +386,7 @@ static sphpa_result blast_begin_hybrid(blast_run *run, sphpa_error *err) {
     const blast_settings *s = run->s;
     sphpa_hybrid_options options;
     double width = s->dx * (double)s->beta;
-    blast_filler filler = {s, s->dx / BLAST_SAMPLES, 0};
+    blast_filler filler = {s, s->dx / (double)(BLAST_SAMPLES * s->split), 0}; /* of the finest */
     memset(&options, 0, sizeof options);
     run->across = blast_across(run->side, width);
     options.grid = blast_grid_options(s, width, run->across);
