@@ -29,6 +29,7 @@
 #define BLAST_KERNEL_WORDS \
     "cubic|quartic|quintic|wendland-c2|wendland-c4|wendland-c6|gaussian"
 #define BLAST_RIEMANN_WORDS "exact|van-leer|hllc|strong"
+#define BLAST_SLOPES_WORDS "middle|van-leer|inutsuka|flat"
 #define BLAST_FLAG_WORDS "both|pressure|density"
 #define BLAST_COUPLING_WORDS "conservative|published"
 #define BLAST_DENSITY_WORDS "number|mass"
@@ -58,7 +59,7 @@ typedef struct blast_settings {
     double max_seconds;    /* [s] wall clock of a run; 0: no limit */
     long beta, active, buffer;
     long split;            /* particles along dx where the charge is */
-    int scheme, kernel, riemann, by_mass, flag_by, published, fixed;
+    int scheme, kernel, riemann, slopes, by_mass, flag_by, published, fixed;
     int times;
     double time[BLAST_TIMES]; /* [s] of the outputs, ascending; the last is t_end */
 } blast_settings;
@@ -93,6 +94,7 @@ static blast_settings blast_default_settings(void) {
     s.beta = 4;
     s.active = 1;
     s.kernel = SPHPA_KERNEL_GAUSSIAN;
+    s.slopes = SPHPA_GODUNOV_VAN_LEER;
     return s;
 }
 
@@ -189,7 +191,7 @@ static void blast_fill_in(blast_settings *s) {
     if (s->radius == 0.0) s->radius = scale;
     if (s->dt_start < 0.0) s->dt_start = 6.25e-11 / scale;
     if (s->published && s->buffer == 0) s->buffer = 1;
-    if (s->split == 0) s->split = s->published ? 1 : 4;
+    if (s->split == 0) s->split = s->published ? 1 : 8;
 }
 
 static void blast_parse(int argc, char **argv, blast_settings *s, blast_options *o) {
@@ -206,6 +208,8 @@ static void blast_parse(int argc, char **argv, blast_settings *s, blast_options 
                        "of the particles; sph: summed density, artificial viscosity"),
         example_choice("kernel", BLAST_KERNEL_WORDS, &s->kernel, "of the particles"),
         example_choice("riemann", BLAST_RIEMANN_WORDS, &s->riemann, "solver of gsph"),
+        example_choice("slopes", BLAST_SLOPES_WORDS, &s->slopes,
+                       "limiter of gsph; van-leer keeps u above 0 best where P jumps a millionfold"),
         example_choice("density", BLAST_DENSITY_WORDS, &s->by_mass,
                        "of gsph: particles are counted, or their masses summed, as the paper's"),
         example_number("eta", "1", &s->eta, 0.8, 3.0, "smoothing length in units of the spacing"),
@@ -219,7 +223,7 @@ static void blast_parse(int argc, char **argv, blast_settings *s, blast_options 
                        "particles' steps <= this step^2 until 18 us; 0: no; -1: the paper's"),
         example_number("dx", "m", &s->dx, 1e-4, 100.0, "spacing of particles, cells of fvm"),
         example_count("split", &s->split, 0, 64,
-                      "particles along dx where the charge is; 0: 4, or the paper's 1 with its coupling"),
+                      "particles along dx where the charge is; 0: 8, or the paper's 1 with its coupling"),
         example_count("beta", &s->beta, 1, 64, "hybrid: the mesh is so many times coarser"),
         example_count("active", &s->active, 0, 1000, "hybrid: cells of particles around flagged"),
         example_count("buffer", &s->buffer, 0, 1000,

@@ -119,6 +119,7 @@ static sphpa_result blast_make_scene(blast_run *run, sphpa_error *err) {
     god->g1 = s->g1;
     god->g2 = s->g2;
     god->riemann = s->riemann;
+    god->slopes = s->slopes;
     god->lattice = 1;
     god->by_number = !s->by_mass;
     run->first.dt0 = s->dt_start;
