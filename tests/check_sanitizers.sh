@@ -14,7 +14,7 @@ must_fail() { # must_fail COMPILER FLAGS KIND: the program KIND.c has the error 
     $1 -w $2 "$work/$3.c" -o "$work/$3" && "$work/$3" > /dev/null 2>&1 && failed "$3 sanitizer lets an error pass"
 }
 has_cmocka() { [ -n "$(value CMOCKA_FOUND "$(found_for "$1")")" ]; }
-options='-O1 -g -fno-omit-frame-pointer'
+options='-O1 -g1 -fno-omit-frame-pointer'
 
 printf '#include <stdlib.h>\nint main(void) { void *p = malloc(8); free(p); return 0; }\n' > "$work/probe.c"
 # they must be able to fail: one bad program each
