@@ -1957,8 +1957,9 @@ typedef struct sphpa_edges_params {
     struct sphpa_edges_rim *rim;   /* private: gas beyond open edges */
 } sphpa_edges_params;
 
-/* Any dimension, any scheme. Add it before or after the others. Setup: ERROR_NOT_FINITE, ERROR_RANGE
-   (low not below high, an unknown edge, a periodic axis), ERROR_OUTSIDE (a particle), ERROR_MEMORY. */
+/* Any dimension, any scheme. Add it before or after the others. The parameters must outlive the
+   simulation: sphpa_sim_free frees the rim through them. Setup: ERROR_NOT_FINITE, ERROR_RANGE (low
+   not below high, an unknown edge, a periodic axis), ERROR_OUTSIDE (a particle), ERROR_MEMORY. */
 SPHPA_DEF sphpa_module sphpa_edges(sphpa_edges_params *params);
 
 /* ================================================================================================
@@ -3294,6 +3295,11 @@ SPHPA_PRIVATE_ double sphpa_kernel_power_(double h, int n) {
     double power = h;
     for (int i = 1; i < n; i++) power *= h;
     return power;
+}
+
+/* the edge of a cube of that volume, of a square or of a line */
+SPHPA_FORCE_INLINE_ double sphpa_kernel_edge_(double volume, int dim) {
+    return dim == 1 ? volume : dim == 2 ? sqrt(volume) : cbrt(volume);
 }
 
 /* equations (1) and (2), the derivative of that order */
@@ -12639,6 +12645,7 @@ SPHPA_PRIVATE_ void sphpa_edges_through_(const sphpa_edges_gas_ *in, const sphpa
         *P = sphpa_edges_behind_(in, v_in - *v, &a);
     }
 }
+
 /* [m] way of a particle along an axis since the step began, 3 i + axis */
 SPHPA_FORCE_INLINE_ double sphpa_edges_gone_(const sphpa_sim *sim, size_t k) {
     double v = (double)sim->p.start.v[k];
@@ -12785,8 +12792,7 @@ SPHPA_PRIVATE_ double sphpa_edges_beyond_(const sphpa_edges_params *edges, const
 
 /* [m] the size of a particle */
 SPHPA_FORCE_INLINE_ double sphpa_edges_size_(const sphpa_particles *p, size_t i) {
-    double volume = (double)p->m[i] / p->rho[i];
-    return p->dim == 1 ? volume : p->dim == 2 ? sqrt(volume) : cbrt(volume);
+    return sphpa_kernel_edge_((double)p->m[i] / p->rho[i], p->dim);
 }
 
 /* what the rim's update works with */
@@ -12852,14 +12858,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_edges_work_of_(const sphpa_sim *sim,
 /* x_i - x_j of the nearest image */
 SPHPA_PRIVATE_ void sphpa_edges_apart_(const sphpa_sim *sim, const double *x_i, const double *x_j,
                                        double d[3]) {
-    const sphpa_box *box = &sim->options.box;
-    for (int a = 0; a < 3; a++) {
-        double length = box->high[a] - box->low[a];
-        d[a] = a < sim->p.dim ? x_i[a] - x_j[a] : 0.0;
-        if (a >= sim->p.dim || !box->periodic[a]) continue;
-        if (d[a] > 0.5 * length) d[a] -= length;
-        else if (d[a] < -0.5 * length) d[a] += length;
-    }
+    for (int a = 0; a < 3; a++)
+        d[a] = a < sim->p.dim ? sphpa_tree_dx_(&sim->options.box, a, x_i[a] - x_j[a]) : 0.0;
 }
 
 SPHPA_PRIVATE_ sphpa_edges_gas_ sphpa_edges_gas_of_(const sphpa_edges_list_ *list,
@@ -12868,8 +12868,7 @@ SPHPA_PRIVATE_ sphpa_edges_gas_ sphpa_edges_gas_of_(const sphpa_edges_list_ *lis
     gas.rho = value[list->rho];
     gas.P = value[list->P];
     gas.c = c;
-    for (int a = 0; a < 3; a++)
-        gas.v[a] = value[list->v + a];
+    for (int a = 0; a < 3; a++) gas.v[a] = value[list->v + a];
     return gas;
 }
 
@@ -12991,8 +12990,7 @@ SPHPA_PRIVATE_ void sphpa_edges_advance_(const sphpa_edges_gas_ *still,
     double squeeze = sphpa_clamp_(1.0 - (v - v_old) / speed, 0.5, 2.0);
     for (int k = 0; k < list->width; k++) own[k] = view->value[k];
     double *v_own = own + list->v;
-    for (int a = 0; a < 3; a++)
-        v_own[a] = in.v[a] + (v - v_in) * n[a];
+    for (int a = 0; a < 3; a++) v_own[a] = in.v[a] + (v - v_in) * n[a];
     double rho = old.rho / squeeze;
     own[list->P] = P;
     own[list->rho] = rho;
@@ -13037,9 +13035,7 @@ SPHPA_PRIVATE_ bool sphpa_edges_follow_(const sphpa_sim *sim, const sphpa_edges_
             if (sphpa_edges_trace_(sim, &work->list, n, size, (double)p->c[i], own, view))
                 sphpa_edges_advance_(&edges->rim->still[e], &work->list, n, view,
                                      (double)p->c[i], own);
-            double volume =
-                (double)p->m[i] / own[work->list.rho];
-            own[at_h] *= p->dim == 1 ? volume : p->dim == 2 ? sqrt(volume) : cbrt(volume);
+            own[at_h] *= sphpa_kernel_edge_((double)p->m[i] / own[work->list.rho], p->dim);
         }
         sphpa_tree_list_free(&near);
         SPHPA_FREE(scratch);
@@ -13178,8 +13174,7 @@ SPHPA_PRIVATE_ bool sphpa_edges_far_(const sphpa_particles *p, const sphpa_edges
            sphpa_max_(edges->rim->depth[e], need[e]) + sphpa_edges_size_(p, i);
 }
 
-/* what moved across edges; then the rim's new values, its gaps filled; keep: (n) what stays, *change: the
-   set is another */
+/* the rim's new values; what is too far out is gone, gaps are filled; *change: the set is another */
 SPHPA_PRIVATE_ sphpa_result sphpa_edges_rim_step_(sphpa_sim *sim, sphpa_edges_params *edges,
                                                   bool *change) {
     sphpa_edges_work_ work;
@@ -14162,7 +14157,7 @@ SPHPA_PRIVATE_ void sphpa_pilot_(sphpa_sim *sim, const sphpa_godunov_params *god
         for (size_t i = begin; i < end; i++) {
             if (sphpa_ghost_(&sim->p, i)) continue;
             double volume = (double)sim->p.m[i] * god->norm[1] / rho[i - begin];
-            double h = eta * (dim == 1 ? volume : dim == 2 ? sqrt(volume) : cbrt(volume));
+            double h = eta * sphpa_kernel_edge_(volume, dim);
             sim->p.h[i] = (sphpa_real)(god->gas.h_max > 0.0 ? sphpa_min_(h, god->gas.h_max) : h);
         }
     }
@@ -19143,6 +19138,12 @@ SPHPA_PRIVATE_ void sphpa_hybrid_take_(sphpa_hybrid *h, size_t cell, const doubl
     }
 }
 
+/* [J/m3] energy of a cell that is not its motion's */
+SPHPA_PRIVATE_ double sphpa_hybrid_inner_(const sphpa_grid *grid, size_t c) {
+    double mx = grid->mx[c], my = grid->my[c];
+    return grid->E[c] - 0.5 * (mx * mx + my * my) / grid->rho[c];
+}
+
 /* sums over the cells queue[0 .. count) [per V]: mass, momenta, energy; energy within */
 SPHPA_PRIVATE_ double sphpa_hybrid_content_(const sphpa_hybrid *h, size_t count, double sum[4]) {
     const sphpa_grid *grid = &h->grid;
@@ -19151,7 +19152,7 @@ SPHPA_PRIVATE_ double sphpa_hybrid_content_(const sphpa_hybrid *h, size_t count,
     for (size_t k = 0; k < count; k++) {
         size_t c = (size_t)h->work->queue[k];
         for (int q = 0; q < 4; q++) sum[q] += U[q][c];
-        inner += U[3][c] - 0.5 * (U[1][c] * U[1][c] + U[2][c] * U[2][c]) / U[0][c];
+        inner += sphpa_hybrid_inner_(grid, c);
     }
     return inner;
 }
@@ -19165,7 +19166,7 @@ SPHPA_PRIVATE_ void sphpa_hybrid_change_(sphpa_hybrid *h, size_t count, double m
     for (size_t k = 0; k < count; k++) {
         size_t c = (size_t)h->work->queue[k];
         double *at[2] = {&grid->mx[c], &grid->my[c]}, rho = grid->rho[c];
-        double inner = grid->E[c] - 0.5 * (*at[0] * *at[0] + *at[1] * *at[1]) / rho;
+        double inner = sphpa_hybrid_inner_(grid, c);
         grid->rho[c] = rho = m * rho;
         for (int a = 0; a < 2; a++) *at[a] = m * *at[a] + rho * dv[a];
         grid->E[c] = m * u * inner + 0.5 * (*at[0] * *at[0] + *at[1] * *at[1]) / rho;

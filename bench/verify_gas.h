@@ -1013,6 +1013,7 @@ static void verify_edge_shock(verify *v, int count, bool open) {
     row = verify_also(&row, open ? "open-shock-P" : "wall-reflects-P");
     verify_error_put(&row, &P);
     verify_add(v, row);
+    verify_release(v); /* it holds edges, which are this function's */
     sphpa_particles_free(&p);
 }
 
@@ -1049,6 +1050,7 @@ static void verify_edge_pulse(verify *v, int count, bool viscous) {
         if (v->sim->p.ghost[i] == 0) verify_error_add(&left, (double)v->sim->p.v[3 * i] / A);
     verify_error_put(&row, &left);
     verify_add(v, row);
+    verify_release(v); /* it holds edges, which are this function's */
     sphpa_particles_free(&p);
 }
 
