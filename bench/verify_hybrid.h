@@ -1,7 +1,7 @@
 /* verify_hybrid.h: the coupling of >>hybrid on what must cross the edge of a region of particles: a
    contact, sound, shocks, a blast. A strip of finite volumes, periodic across, with particles in a
-   fixed part of it ("hybrid"), as the published coupling has it ("published", whose drifts are shown
-   and not judged), with none ("grid") and with particles everywhere ("sph"). n counts cells. L1 is
+   fixed part of it ("hybrid"), as the published coupling has it ("published", whose drifts, and that
+   it breaks down on the contact, are shown and not judged), with none ("grid") and with particles everywhere ("sph"). n counts cells. L1 is
    the mean over cells along x against the exact solution. */
 #ifndef VERIFY_HYBRID_H
 #define VERIFY_HYBRID_H
@@ -113,7 +113,7 @@ static bool verify_hybrid_run(verify *v, verify_hybrid *task, verify_hybrid_rig 
     if (result == SPHPA_OK) return true;
     fprintf(stderr, "verify: %s, %s broke down at t = %g of %g: %s\n", task->problem, scheme,
             rig->hybrid.grid.time, task->t_end, err.message);
-    v->broken++;
+    if (!task->published) v->broken++;
     return false;
 }
 
