@@ -2439,7 +2439,9 @@ SPHPA_DEF sphpa_grid_sums sphpa_grid_totals(const sphpa_grid *grid);
          nearest particle (where there is none: of the mesh, as if it moved with the gas), with
          exactly the mass, momentum and energy of the cell; buffer cells are filled up where the flow
          left room; a particle that holds more than 2/beta^2 of its cell's mass, for it expanded or
-         came as one of few heavy ones among light ones, becomes four
+         came as one of few heavy ones among light ones, becomes four; two of a cell that are each
+         other's nearest and hold together no more than merge/beta^2 of it become one, with their
+         mass, momentum, energy and middle: behind a shock as many do as it has pressed together
      (4) ghosts get rho, v, P of the mesh at t and at t + dt where they then are, bilinear in space,
          linear in time in between
      (5) particles go to t + dt by steps of their own
@@ -2489,8 +2491,11 @@ typedef struct sphpa_hybrid_options {
     int buffer;                 /* [cells] of (2); 0: what `reach` needs, see sphpa_hybrid_create */
     double eta;                 /* [1] h = eta (m/rho)^(1/2) of new particles and ghosts; 0: 1.5 */
     double reach;               /* [1] supports that a particle's sums reach: a pilot's C; 0 means 1 */
-    double mass_max;            /* [kg] of a particle that sphpa_hybrid_fill makes: heavier ones become
-                                   four, 16, .. on a finer lattice; 0: no limit */
+    double mass_max;            /* [kg] of a particle: heavier ones that sphpa_hybrid_fill makes become
+                                   four, 16, .. on a finer lattice, none becomes so by (3); 0: no limit */
+    double merge;               /* [1] of (3): two that stand for no more than so much of a new one's
+                                   area become one; 0 means 1 (none with threshold = 0, which is SPH
+                                   alone), negative: none do. At most 1: what has just parted must not */
     int published;              /* not 0: the published coupling */
     /* flags of the caller's own in place of (2), NULL: none; flag[i + nx j] = 0 on entry */
     void (*flag)(const struct sphpa_hybrid *hybrid, void *user, unsigned char *flag);
@@ -2499,7 +2504,8 @@ typedef struct sphpa_hybrid_options {
 
 typedef struct sphpa_hybrid_stats {
     uint64_t steps, substeps;    /* of the mesh; of the particles */
-    uint64_t injected, removed;  /* particles */
+    uint64_t injected, removed;  /* particles, where regions grew and shrank */
+    uint64_t parted, merged;     /* particles more and fewer by that */
     uint64_t particle_steps, ghost_steps; /* sums over all substeps */
     uint64_t cells;              /* active ones now */
     sphpa_grid_sums unplaced;    /* of (7): part of the budget */
@@ -18442,13 +18448,18 @@ SPHPA_PRIVATE_ void sphpa_hybrid_close_(const sphpa_grid *grid, int width, unsig
     for (size_t c = 0; c < grid->n; c++) cell[c] = !cell[c];
 }
 
+/* whether all is to be particles, as without a mesh */
+SPHPA_FORCE_INLINE_ bool sphpa_hybrid_alone_(const sphpa_hybrid_options *o) {
+    return o->flag == NULL && !(o->threshold > 0.0);
+}
+
 /* No cell within `buffer` cells of an outflow edge is active, unless all are to be: the mesh knows
    what comes in there, and counts what leaves. */
 SPHPA_PRIVATE_ void sphpa_hybrid_rim_(const sphpa_hybrid *h, unsigned char *active) {
     const sphpa_grid *grid = &h->grid;
     const sphpa_grid_options *o = &grid->options;
     size_t rim = (size_t)h->options.buffer;
-    if (h->options.flag == NULL && !(h->options.threshold > 0.0)) return;
+    if (sphpa_hybrid_alone_(&h->options)) return;
     for (size_t c = 0; c < grid->n; c++)
         for (int a = 0; a < 2; a++) {
             size_t i = a == 0 ? c % grid->nx : c / grid->nx, n = a == 0 ? grid->nx : grid->ny;
@@ -18777,12 +18788,11 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_part_(sphpa_hybrid *h, size_t *born, sp
     return SPHPA_OK;
 }
 
-/* removes what is in cells of the mesh; the others are ghosts in buffer cells and none in active
-   ones */
+/* keep[i] = 0 for what is in cells of the mesh; the others are ghosts in buffer cells and none in
+   active ones */
 SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_sift_(sphpa_hybrid *h, size_t *removed, sphpa_error *err) {
     struct sphpa_hybrid_work *work = h->work;
     sphpa_particles *p = &h->sim.p;
-    *removed = 0;
     if (!sphpa_grow_((void **)&work->keep, &work->keep_capacity, p->n + 1, 1))
         return sphpa_error_set(err, SPHPA_ERROR_MEMORY, "hybrid: no memory for %zu particles", p->n);
     for (size_t i = 0; i < p->n; i++) {
@@ -18794,10 +18804,68 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_sift_(sphpa_hybrid *h, size_t *removed,
         work->keep[i] = kind != SPHPA_HYBRID_MESH;
         *removed += work->keep[i] ? 0u : 1u;
     }
-    if (*removed == 0) return SPHPA_OK;
-    for (size_t i = 0; i < p->n; i++) /* images follow when the edges make them anew */
-        if (!sphpa_hybrid_own_(p, i)) work->keep[i] = 0;
-    return sphpa_particles_remove(p, work->keep, err);
+    return SPHPA_OK;
+}
+
+/* the nearest of a cell's particles that i may merge with: of its kind, both together no larger than
+   options.merge says and no heavier than mass_max; SIZE_MAX: none */
+SPHPA_PRIVATE_ size_t sphpa_hybrid_mate_(const sphpa_hybrid *h, size_t cell, size_t i) {
+    const struct sphpa_hybrid_work *work = h->work;
+    const sphpa_particles *p = &h->sim.p;
+    double share = h->options.merge / ((double)h->options.beta * (double)h->options.beta);
+    double own = sphpa_hybrid_area_(h, i), most = share * h->grid.dx[0] * h->grid.dx[1];
+    double heaviest = h->options.mass_max > 0.0 ? h->options.mass_max : HUGE_VAL, best = HUGE_VAL;
+    size_t mate = SIZE_MAX;
+    for (uint32_t k = 0; k < work->count[cell]; k++) {
+        size_t j = work->item[work->first[cell] + k];
+        double dx = p->x[3 * i] - p->x[3 * j], dy = p->x[3 * i + 1] - p->x[3 * j + 1];
+        if (j == i || !work->keep[j] || p->ghost[j] != p->ghost[i]) continue;
+        if (dx * dx + dy * dy >= best || own + sphpa_hybrid_area_(h, j) > most) continue;
+        if ((double)p->m[i] + (double)p->m[j] > heaviest) continue;
+        best = dx * dx + dy * dy;
+        mate = j;
+    }
+    return mate;
+}
+
+/* j becomes part of i: mass, momentum, energy, their middle and their area stay */
+SPHPA_PRIVATE_ void sphpa_hybrid_join_(sphpa_particles *p, size_t i, size_t j) {
+    double mi = (double)p->m[i], mj = (double)p->m[j], m = mi + mj, a = mi / m, b = mj / m, dv2 = 0.0;
+    for (size_t k = 0; k < 3; k++) {
+        size_t ci = 3 * i + k, cj = 3 * j + k;
+        double dv = (double)p->v[ci] - (double)p->v[cj];
+        p->x[ci] = a * p->x[ci] + b * p->x[cj];
+        p->v[ci] = (sphpa_real)(a * (double)p->v[ci] + b * (double)p->v[cj]);
+        dv2 += dv * dv;
+    }
+    p->u[i] = a * p->u[i] + b * p->u[j] + 0.5 * a * b * dv2;
+    p->rho[i] = m / (mi / p->rho[i] + mj / p->rho[j]);
+    p->h[i] = (sphpa_real)sqrt((double)p->h[i] * (double)p->h[i] + (double)p->h[j] * (double)p->h[j]);
+    p->m[i] = (sphpa_real)m;
+}
+
+/* pairs of a cell, each other's nearest that may merge with it, become one: work->keep of one is 0 */
+SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_merge_(sphpa_hybrid *h, size_t *merged, sphpa_error *err) {
+    struct sphpa_hybrid_work *work = h->work;
+    sphpa_result result = sphpa_hybrid_census_(h, err);
+    if (result != SPHPA_OK) return result;
+    for (size_t c = 0; c < h->grid.n; c++)
+        for (uint32_t k = 0; k < work->count[c]; k++) {
+            size_t i = work->item[work->first[c] + k], j;
+            if (!work->keep[i] || (j = sphpa_hybrid_mate_(h, c, i)) == SIZE_MAX || j < i) continue;
+            if (sphpa_hybrid_mate_(h, c, j) != i) continue;
+            sphpa_hybrid_join_(&h->sim.p, i, j);
+            work->keep[j] = 0;
+            *merged += 1;
+        }
+    return SPHPA_OK;
+}
+
+/* what is not kept is removed, with images: these follow when the edges make them anew */
+SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_remove_(sphpa_hybrid *h, sphpa_error *err) {
+    for (size_t i = 0; i < h->sim.p.n; i++)
+        if (!sphpa_hybrid_own_(&h->sim.p, i)) h->work->keep[i] = 0;
+    return sphpa_particles_remove(&h->sim.p, h->work->keep, err);
 }
 
 /* the new ones into a set */
@@ -18884,12 +18952,15 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_births_of_(sphpa_hybrid *h, sphpa_hybri
 SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_populate_(sphpa_hybrid *h, sphpa_error *err) {
     struct sphpa_hybrid_work *work = h->work;
     sphpa_hybrid_births_ births = {NULL, 0, 0, NULL};
-    size_t removed = 0, parted = 0;
+    size_t removed = 0, merged = 0, parted = 0;
     bool active = false;
     sphpa_result result = SPHPA_OK;
     if (h->running) {
         sphpa_sim_unrefresh_(&h->sim);
         result = sphpa_hybrid_sift_(h, &removed, err);
+        if (result == SPHPA_OK && h->options.merge > 0.0)
+            result = sphpa_hybrid_merge_(h, &merged, err);
+        if (result == SPHPA_OK && removed + merged > 0) result = sphpa_hybrid_remove_(h, err);
         if (result == SPHPA_OK && !h->options.published)
             result = sphpa_hybrid_part_(h, &parted, err);
     }
@@ -18897,13 +18968,15 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_populate_(sphpa_hybrid *h, sphpa_error 
     for (size_t c = 0; c < h->grid.n; c++) births.head[c] = -1;
     if (result == SPHPA_OK) result = sphpa_hybrid_births_of_(h, &births, &active, err);
     h->stats.removed += removed;
-    h->stats.injected += births.count + parted;
+    h->stats.merged += merged;
+    h->stats.parted += parted;
+    h->stats.injected += births.count;
     if (result == SPHPA_OK && h->running && h->sim.p.n + births.count == 0) {
         sphpa_sim_free(&h->sim);
         h->running = 0;
     } else if (result == SPHPA_OK && births.count > 0 && !h->running) {
         result = sphpa_hybrid_begin_(h, &births, err);
-    } else if (result == SPHPA_OK && births.count + removed + parted > 0) {
+    } else if (result == SPHPA_OK && births.count + removed + merged + parted > 0) {
         result = sphpa_hybrid_bear_(h, &h->sim.p, &births, err);
         if (result == SPHPA_OK) result = sphpa_hybrid_changed_(h, active, err);
     }
@@ -19396,6 +19469,9 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_defaults_(sphpa_hybrid_options *o, sphp
                                   {"reach", o->reach}};
     sphpa_result result = sphpa_numbers_check_("hybrid", all, 5, err);
     if (result != SPHPA_OK) return result;
+    if (!(o->merge <= 1.0) || !sphpa_finite_(o->merge))
+        return sphpa_error_set(err, SPHPA_ERROR_RANGE, "hybrid: merge = %g; give a share of at most "
+                               "1, 0 (which means 1) or a negative number (no merging)", o->merge);
     if (o->scene == NULL)
         return sphpa_error_set(err, SPHPA_ERROR_MISSING, "hybrid: no scene; give the particles' "
                                "modules, such as sphpa_godunov(&god)");
@@ -19419,6 +19495,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_defaults_(sphpa_hybrid_options *o, sphp
     if (o->active < 0) o->active = 0;
     if (o->eta == 0.0) o->eta = 1.5;
     if (o->reach == 0.0) o->reach = 1.0;
+    if (o->merge == 0.0) o->merge = 1.0;
+    if (o->published || sphpa_hybrid_alone_(o)) o->merge = -1.0;
     double reach = o->reach * sphpa_kernel_support(o->sim.kernel) * o->eta / o->beta; /* [cells] */
     size_t n[2] = {o->grid.nx, o->grid.ny};
     for (int a = 0; a < 2; a++)

@@ -3,8 +3,8 @@
    dimension. After Myers, Musk, Palmer & Palmer 2024, Front. Phys. 11, 1325294 ("the paper" here).
 
    The paper states the yields, the density of the charge (1000 kg/m3), the air (1.225 kg/m3, 102
-   kPa), dx = 0.2 m, a mesh 4 times as coarse, the first steps, the growing domains, the Gaussian and
-   eta = 1.5. Its radius of the charge, gamma, g1, g2 and thresholds are not stated in its text: those
+   kPa), dx = 0.2 m, a mesh 4 times as coarse (here twice: cells cost little), the first steps, the
+   growing domains, the Gaussian and eta = 1.5. Its radius of the charge, gamma, g1, g2 and thresholds are not stated in its text: those
    here are assumptions, and all are options. Every parameter is printed before a run.
 
    This file has the options and the order of things; the runs are in blast_methods.h, what is
@@ -55,6 +55,7 @@ typedef struct blast_settings {
     double g1, g2;         /* [1] conduction */
     double h_max;          /* [m] of a particle's smoothing length; 0: no bound */
     double threshold;      /* [1] relative difference that flags a cell */
+    double merge;          /* [1] share of a new particle that two may have to become one */
     double tolerance;      /* [1] of the reference's shock radius */
     double max_seconds;    /* [s] wall clock of a run; 0: no limit */
     long beta, active, buffer;
@@ -89,9 +90,9 @@ static blast_settings blast_default_settings(void) {
     s.pilot = 2.5;
     s.g1 = 0.25;
     s.g2 = 0.5;
-    s.threshold = 0.3;
+    s.threshold = 0.5;
+    s.flag_by = SPHPA_HYBRID_BY_PRESSURE;
     s.tolerance = 1e-3;
-    s.beta = 4;
     s.active = 1;
     s.kernel = SPHPA_KERNEL_GAUSSIAN;
     s.slopes = SPHPA_GODUNOV_VAN_LEER;
@@ -191,6 +192,7 @@ static void blast_fill_in(blast_settings *s) {
     if (s->radius == 0.0) s->radius = scale;
     if (s->dt_start < 0.0) s->dt_start = 6.25e-11 / scale;
     if (s->published && s->buffer == 0) s->buffer = 1;
+    if (s->beta == 0) s->beta = s->published ? 4 : 2;
     if (s->split == 0) s->split = s->published ? 1 : 8;
 }
 
@@ -224,13 +226,16 @@ static void blast_parse(int argc, char **argv, blast_settings *s, blast_options 
         example_number("dx", "m", &s->dx, 1e-4, 100.0, "spacing of particles, cells of fvm"),
         example_count("split", &s->split, 0, 64,
                       "particles along dx where the charge is; 0: 8, or the paper's 1 with its coupling"),
-        example_count("beta", &s->beta, 1, 64, "hybrid: the mesh is so many times coarser"),
+        example_count("beta", &s->beta, 0, 64,
+                      "hybrid: the mesh is so many times coarser; 0: 2, or the paper's 4 with its coupling"),
         example_count("active", &s->active, 0, 1000, "hybrid: cells of particles around flagged"),
         example_count("buffer", &s->buffer, 0, 1000,
                       "hybrid: cells of driven particles around; 0: what their sums need"),
         example_number("threshold", "1", &s->threshold, 0.0, 1e9,
                        "hybrid: relative difference of cells that flags; 0: all"),
         example_choice("flag", BLAST_FLAG_WORDS, &s->flag_by, "hybrid: by what"),
+        example_number("merge", "1", &s->merge, -1.0, 1.0,
+                       "hybrid: two of no more than this share of a new one's area become one; 0: 1; -1: none"),
         example_choice("coupling", BLAST_COUPLING_WORDS, &s->published,
                        "hybrid; published: the paper's means, buffer 1, which leak"),
         example_choice("domain", BLAST_DOMAIN_WORDS, &s->fixed,

@@ -403,6 +403,7 @@ static sphpa_result blast_begin_hybrid(blast_run *run, sphpa_error *err) {
     options.eta = s->eta;
     options.reach = blast_reach(s);
     options.published = s->published;
+    options.merge = s->merge;
     options.mass_max = (1.0 + 1e-9) * s->rho_charge * s->dx * s->dx / (double)(s->split * s->split);
     sphpa_result result = sphpa_hybrid_create(&run->hybrid, &options, err);
     if (result == SPHPA_OK) result = sphpa_hybrid_fill(&run->hybrid, blast_fill, &filler, BLAST_SAMPLES, err);

@@ -32,7 +32,7 @@ static void blast_keep_report(const blast_report *report, const char *out) {
 
 /* every parameter of the case, each line begun with `mark` */
 static void blast_case_text(const blast_settings *s, const char *mark, char *text, size_t size) {
-    char scheme[32], kernel[32], riemann[32], slopes[32], density[32], flag[32], coupling[32], buffer[64], h_max[32];
+    char scheme[32], kernel[32], riemann[32], slopes[32], density[32], flag[32], coupling[32], buffer[64], h_max[32], merge[32];
     blast_word(BLAST_SCHEME_WORDS, s->scheme, scheme);
     blast_word(BLAST_KERNEL_WORDS, s->kernel, kernel);
     blast_word(BLAST_RIEMANN_WORDS, s->riemann, riemann);
@@ -42,6 +42,8 @@ static void blast_case_text(const blast_settings *s, const char *mark, char *tex
     blast_word(BLAST_COUPLING_WORDS, s->published, coupling);
     snprintf(buffer, sizeof buffer, "%ld cells", s->buffer);
     if (s->buffer == 0) snprintf(buffer, sizeof buffer, "as wide as sums need");
+    snprintf(merge, sizeof merge, "below %g of a new one", s->merge > 0.0 ? s->merge : 1.0);
+    if (s->merge < 0.0 || s->published || s->threshold == 0.0) snprintf(merge, sizeof merge, "not");
     snprintf(h_max, sizeof h_max, "%g m", s->h_max);
     if (s->h_max == 0.0) snprintf(h_max, sizeof h_max, "any");
     snprintf(text, size,
@@ -50,14 +52,14 @@ static void blast_case_text(const blast_settings *s, const char *mark, char *tex
              "%sdx = %g m, until %g us; finite volumes: cfl %g; domain %s\n"
              "%sparticles: %s, density by %s, %s kernel, eta %g, h <= %s, pilot %g, Riemann %s, slopes %s, g1 %g, g2 %g, cfl %g; "
              "%ld x %ld where the charge is; dt <= %.4g s step^2 until %g us%s\n"
-             "%shybrid: beta %ld (mesh %g m), threshold %g by %s, active %ld, buffer %s, coupling %s\n",
+             "%shybrid: beta %ld (mesh %g m), threshold %g by %s, active %ld, buffer %s, coupling %s, particles merge %s\n",
              mark, s->yield, blast_energy(s), s->radius, s->rho_charge, blast_charge_pressure(s),
              s->rho_air, s->P_air, s->gamma, mark, s->dx, 1e6 * s->t_end, s->cfl_mesh,
              s->fixed ? "fixed" : "grows (10 m, +5 to 50, +10 to 100, +25)", mark, scheme, density, kernel,
              s->eta, h_max, s->pilot, riemann, slopes, s->g1, s->g2, s->cfl, s->split, s->split,
              s->dt_start, 1e6 * BLAST_EARLY,
              s->dt_start > 0.0 ? "" : " (0: no such limit)", mark, s->beta,
-             s->dx * (double)s->beta, s->threshold, flag, s->active, buffer, coupling);
+             s->dx * (double)s->beta, s->threshold, flag, s->active, buffer, coupling, merge);
 }
 
 static void blast_tell_case(const blast_settings *s, int threads, blast_report *report) {

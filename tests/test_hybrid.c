@@ -867,6 +867,98 @@ static void parting_keeps_sums(void **state) {
     }
 }
 
+/* mass, momentum, energy and m x of all but images; returns how many these are */
+static size_t own_sums(const rig *r, double sum[6]) {
+    const sphpa_particles *p = &r->h.sim.p;
+    size_t count = 0;
+    for (int q = 0; q < 6; q++) sum[q] = 0.0;
+    for (size_t i = 0; i < p->n; i++) {
+        if (p->ghost[i] > 1) continue;
+        double m = (double)p->m[i], v[2] = {(double)p->v[3 * i], (double)p->v[3 * i + 1]};
+        double q[6] = {m, m * v[0], m * v[1], m * (p->u[i] + 0.5 * (v[0] * v[0] + v[1] * v[1])),
+                       m * p->x[3 * i], m * p->x[3 * i + 1]};
+        for (int k = 0; k < 6; k++) sum[k] += q[k];
+        count++;
+    }
+    return count;
+}
+
+/* merges until nothing does any more; returns how many rounds */
+static int merge_all(rig *r) {
+    sphpa_error err;
+    for (int rounds = 0;; rounds++) {
+        size_t removed = 0, merged = 0;
+        must(sphpa_hybrid_sift_(&r->h, &removed, &err), &err);
+        must(sphpa_hybrid_merge_(&r->h, &merged, &err), &err);
+        assert_int_equal(removed, 0);
+        if (merged == 0) return rounds;
+        must(sphpa_hybrid_remove_(&r->h, &err), &err);
+    }
+}
+
+/* gas pressed to 4.5 times its density: pairs become one until none is left that may; sums and the middle of all stay */
+static void merging_keeps_sums(void **state) {
+    (void)state;
+    static rig r;
+    for (int beta = 2; beta <= 8; beta *= 2) {
+        prepare(&r, 8, 8, SPHPA_GRID_REFLECTING);
+        r.pattern = ALL;
+        r.o.beta = beta;
+        start(&r, bump_at, NULL, 1);
+        sphpa_particles *p = &r.h.sim.p;
+        double before[6], after[6], largest = 0.0, heaviest = 0.0;
+        for (size_t i = 0; i < p->n; i++)
+            for (size_t a = 0; a < 2 && p->ghost[i] == 0; a++)
+                p->x[3 * i + a] += 0.1 / beta * (sphpa_rng_uniform(&r.rng) - 0.5);
+        size_t n = own_sums(&r, before), left;
+        assert_int_equal(merge_all(&r), 0); /* as they are */
+        for (size_t c = 0; c < r.h.grid.n; c++) r.h.work->old[0][c] *= 4.5;
+        for (size_t i = 0; i < p->n; i++) heaviest = fmax(heaviest, (double)p->m[i]);
+        r.h.options.mass_max = 0.99 * heaviest;
+        assert_int_equal(merge_all(&r), 0); /* lighter than 0.7 of the heaviest none is */
+        r.h.options.mass_max = 0.0;
+        assert_true(merge_all(&r) >= 2);
+        left = own_sums(&r, after);
+        for (int q = 0; q < 6; q++)
+            assert_near_abs(after[q], before[q], FINE(1e-13, 16.0 * FLOAT_ROUNDING) * before[0] * 8.0);
+        assert_true(4 * left >= n && 100 * left <= 45 * n);
+        for (size_t i = 0; i < p->n; i++)
+            if (p->ghost[i] == 0) largest = fmax(largest, sphpa_hybrid_area_(&r.h, i));
+        assert_true(largest <= 1.0 / (beta * beta) && largest > 0.75 / (beta * beta));
+        sphpa_hybrid_free(&r.h);
+    }
+}
+
+/* of two: the one in the middle, with what they were worth against each other as heat */
+static void merging_of_two(void **state) {
+    (void)state;
+    static rig r;
+    prepare(&r, 4, 4, SPHPA_GRID_PERIODIC);
+    r.pattern = ALL;
+    start(&r, bump_at, NULL, 1);
+    sphpa_particles *p = &r.h.sim.p;
+    for (size_t i = 0; i < 2; i++) {
+        p->m[i] = (sphpa_real)(1.0 + 2.0 * (double)i); /* 1, 3 */
+        p->rho[i] = 2.0 + (double)i;                   /* 2, 3: 1/2 + 1 m2 */
+        p->h[i] = (sphpa_real)(3.0 + (double)i);       /* 3, 4 */
+        p->u[i] = 5.0 - (double)i;                     /* 5, 4 */
+        for (size_t a = 0; a < 3; a++) {
+            p->x[3 * i + a] = (double)(i + a);
+            p->v[3 * i + a] = (sphpa_real)(4.0 * (double)i * (a == 0 ? 1.0 : -1.0));
+        }
+    }
+    sphpa_hybrid_join_(p, 0, 1);
+    assert_near((double)p->m[0], 4.0, 1e-15);
+    assert_near(p->rho[0], 4.0 / 1.5, 1e-15);
+    assert_near((double)p->h[0], 5.0, 1e-7);
+    assert_near(p->u[0], 17.0 / 4.0 + 0.5 * 0.25 * 0.75 * 48.0, 1e-15);
+    for (size_t a = 0; a < 3; a++) {
+        assert_near(p->x[a], 0.75 + (double)a, 1e-15);
+        assert_near((double)p->v[a], a == 0 ? 3.0 : -3.0, 1e-15);
+    }
+    sphpa_hybrid_free(&r.h);
+}
+
 /* sphpa_hybrid_fill: particles no heavier than asked for; cells hold what theirs hold */
 static void heavy_ones_are_finer(void **state) {
     (void)state;
@@ -1434,6 +1526,8 @@ int main(void) {
         cmocka_unit_test(open_edges_are_the_meshs),
         cmocka_unit_test(split_is_exact),
         cmocka_unit_test(parting_keeps_sums),
+        cmocka_unit_test(merging_keeps_sums),
+        cmocka_unit_test(merging_of_two),
         cmocka_unit_test(heavy_ones_are_finer),
         cmocka_unit_test(signals_stay_in_the_margin),
         cmocka_unit_test(ghosts_follow_the_mesh),
