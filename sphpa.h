@@ -18816,7 +18816,7 @@ SPHPA_PRIVATE_ size_t sphpa_hybrid_mate_(const sphpa_hybrid *h, size_t cell, siz
     double own = sphpa_hybrid_area_(h, i), most = share * h->grid.dx[0] * h->grid.dx[1];
     double heaviest = h->options.mass_max > 0.0 ? h->options.mass_max : HUGE_VAL, best = HUGE_VAL;
     size_t mate = SIZE_MAX;
-    for (uint32_t k = 0; k < work->count[cell]; k++) {
+    for (uint32_t k = 0; k < work->count[cell] && own < most; k++) {
         size_t j = work->item[work->first[cell] + k];
         double dx = p->x[3 * i] - p->x[3 * j], dy = p->x[3 * i + 1] - p->x[3 * j + 1];
         if (j == i || !work->keep[j] || p->ghost[j] != p->ghost[i]) continue;
