@@ -14422,6 +14422,7 @@ typedef struct sphpa_godunov_lanes_ {
     sphpa_lanes_ g_rho[3], g_P[3], L[6];
     sphpa_lanes_ a[3], work, closing; /* sums of (3) and (4), signs turned; the closing speed */
     sphpa_real norm;                  /* of the kernel */
+    sphpa_lanes_ own;                 /* 0 of ghosts, which do not meet ghosts */
     size_t count, problems;           /* neighbours in the chunk, and their Riemann problems */
     uint32_t j[SPHPA_GODUNOV_CHUNK_];
     unsigned char both[SPHPA_GODUNOV_CHUNK_];   /* not 0: j gets its share here, too */
@@ -14436,7 +14437,8 @@ typedef struct sphpa_godunov_lanes_ {
     bool good; /* every Riemann problem has a solution */
 } sphpa_godunov_lanes_;
 
-SPHPA_PRIVATE_ void sphpa_godunov_own_(const sphpa_group *near, sphpa_godunov_lanes_ *i) {
+SPHPA_PRIVATE_ void sphpa_godunov_own_(const sphpa_particles *p, const sphpa_group *near,
+                                       sphpa_godunov_lanes_ *i) {
     const sphpa_godunov_record_ *at = (const sphpa_godunov_record_ *)(const void *)near->records;
     size_t stride = sizeof *at;
     sphpa_lanes_own_x_(near, stride, i->x);
@@ -14461,6 +14463,9 @@ SPHPA_PRIVATE_ void sphpa_godunov_own_(const sphpa_group *near, sphpa_godunov_la
     i->scale = sphpa_lanes_load_(near, &at->scale, stride);
     i->H = sphpa_lanes_load_(near, &at->H, stride);
     i->work = i->closing = sphpa_lanes_of_(SPHPA_R(0.0));
+    i->own = sphpa_lanes_of_(SPHPA_R(1.0));
+    for (size_t l = 0; l < near->count; l++)
+        if (sphpa_ghost_(p, near->first + l)) SPHPA_LANE_(i->own, l) = SPHPA_R(0.0);
 }
 
 /* (5) of the lanes with h [m]; C, D, and B, A of the cubic */
@@ -14665,7 +14670,7 @@ SPHPA_FORCE_INLINE_ void sphpa_godunov_states_(size_t k, const sphpa_godunov_pai
 /* everything of one neighbour but its Riemann problem */
 SPHPA_FORCE_INLINE_ void sphpa_godunov_meet_(const sphpa_group *near, int shape, int dim,
                                              const sphpa_godunov_params *god, uint32_t entry,
-                                             bool both, sphpa_godunov_lanes_ *i) {
+                                             bool both, bool ghost, sphpa_godunov_lanes_ *i) {
     uint32_t index = SPHPA_TREE_ENTRY_INDEX(entry);
     const sphpa_godunov_record_ *j =
         (const sphpa_godunov_record_ *)(const void *)near->records + index;
@@ -14674,6 +14679,7 @@ SPHPA_FORCE_INLINE_ void sphpa_godunov_meet_(const sphpa_group *near, int shape,
     i->j[k] = index;
     i->both[k] = both;
     sphpa_godunov_aim_(near, shape, dim, god->own_h, entry, j, i, &pair);
+    if (ghost) pair.gi *= i->own, pair.gj *= i->own;
     sphpa_godunov_differ_(dim, j, i, &pair);
     sphpa_godunov_push_(dim, god, j, k, &pair, i);
     sphpa_lanes_ sum = pair.gi + pair.gj, zero = sphpa_lanes_of_(SPHPA_R(0.0));
@@ -14755,8 +14761,9 @@ SPHPA_FORCE_INLINE_ void sphpa_godunov_all_(sphpa_sim *sim, const sphpa_group *n
         uint32_t entry = near->list[k], j = SPHPA_TREE_ENTRY_INDEX(entry);
         bool inside = (j >> SPHPA_TREE_CHUNK_SHIFT) == chunk;
         bool both = inside && j >= near->first + near->count;
-        if ((inside && j < near->first) || (ghosts && (!both || sphpa_ghost_(&sim->p, j)))) continue;
-        sphpa_godunov_meet_(near, shape, dim, god, entry, both, i);
+        bool ghost = sphpa_ghost_(&sim->p, j);
+        if ((inside && j < near->first) || (ghosts && (!both || ghost))) continue;
+        sphpa_godunov_meet_(near, shape, dim, god, entry, both, ghost, i);
         if (i->count == SPHPA_GODUNOV_CHUNK_ ||
             i->problems + SPHPA_LANES_ > (size_t)SPHPA_RIEMANN_LANES_)
             sphpa_godunov_add_(sim, near, dim, i);
@@ -14804,7 +14811,7 @@ SPHPA_PRIVATE_ void sphpa_godunov_forces_(sphpa_sim *sim, void *params, const sp
     size_t first = near->first & ~(SPHPA_TREE_CHUNK - 1), end = near->first + near->count;
     sphpa_godunov_lanes_ i;
     if (near->first == first) sphpa_godunov_chunk_(sim, first, true);
-    sphpa_godunov_own_(near, &i);
+    sphpa_godunov_own_(&sim->p, near, &i);
     i.norm = (sphpa_real)shape.norm;
     i.count = i.problems = 0;
     i.good = true;
