@@ -1691,7 +1691,8 @@ typedef struct sphpa_pass {
                                  and u always do */
     int at_commit; /* GRADIENTS to DAMAGE, not 0: runs again at the step's end, dt_stage = dt */
     int unfiltered; /* with pair, not 0: gets every listed particle, also beyond the supports */
-    int ghosts;     /* PAIR, not 0: ghosts get it like all others */
+    int ghosts;     /* PAIR: 1: ghosts get it like all others; 2: for the others' sake, so ghosts
+                       that are nobody else's neighbours may get it as if they had none */
     size_t record_bytes;      /* of one packed record; 0: the pass reads the fields themselves */
     /* fills records[i], i in [first, last), before the pairs are visited */
     void (*pack)(const struct sphpa_sim *sim, const void *params, size_t first, size_t last,
@@ -10444,6 +10445,7 @@ struct sphpa_work {
     bool lists_valid, moved; /* moved: moved_max is of other positions */
     bool unsure;             /* a pass wrote x or h since it was asked whether the lists hold */
     bool lists_of_ghosts;    /* a pair pass is for ghosts, too */
+    bool lists_of_all_ghosts; /* and not just for those that others see */
     unsigned set_up;    /* bits of the modules whose setup was called */
     char *records;      /* packed records of the passes that share a traversal */
     size_t records_bytes;
@@ -11217,6 +11219,14 @@ SPHPA_FORCE_INLINE_ bool sphpa_group_ghosts_(const sphpa_sim *sim, const sphpa_g
     return all;
 }
 
+/* whether no one but ghosts is near, and all that these get is for the others' sake */
+SPHPA_FORCE_INLINE_ bool sphpa_group_idle_(const sphpa_sim *sim, const sphpa_group *group) {
+    bool idle = !sim->work->lists_of_all_ghosts;
+    for (size_t k = 0; k < group->far_entries && idle; k++)
+        idle = sim->p.ghost[SPHPA_TREE_ENTRY_INDEX(group->far[k])] != 0;
+    return idle;
+}
+
 /* one chunk of the lists, group by group */
 SPHPA_PRIVATE_ void sphpa_shared_chunk_(sphpa_sim *sim, const sphpa_shared_ *shared, size_t chunk) {
     sphpa_pair_buffer_ *buffer = &sim->work->buffer[sphpa_thread_()];
@@ -11229,7 +11239,12 @@ SPHPA_PRIVATE_ void sphpa_shared_chunk_(sphpa_sim *sim, const sphpa_shared_ *sha
         sphpa_group_at_(sim, i, &group);
         bool ghosts = sphpa_group_ghosts_(sim, &group);
         if (ghosts && !sim->work->lists_of_ghosts) continue;
-        sphpa_narrow_at_(sim, chunk, &used, centre, &group);
+        if (ghosts && sphpa_group_idle_(sim, &group)) {
+            sphpa_group_centre_(sim, sim->work->point + 4 * i, 0, centre, &group);
+            group.entries = 0;
+        } else {
+            sphpa_narrow_at_(sim, chunk, &used, centre, &group);
+        }
         sphpa_shared_group_(sim, shared, ghosts, &group, buffer);
     }
     sphpa_denormals_back_(before);
@@ -11982,8 +11997,11 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_fill_(sphpa_sim *sim, const sphpa_particle
     sim->work = (struct sphpa_work *)sphpa_alloc_(1, sizeof(struct sphpa_work));
     if (sim->work == NULL) return sphpa_error_set(err, SPHPA_ERROR_MEMORY, "out of memory");
     memset(sim->work, 0, sizeof(struct sphpa_work));
-    for (int k = 0; k < sim->passes; k++)
+    for (int k = 0; k < sim->passes; k++) {
         sim->work->lists_of_ghosts = sim->work->lists_of_ghosts || sim->pass[k]->ghosts != 0;
+        sim->work->lists_of_all_ghosts =
+            sim->work->lists_of_all_ghosts || sim->pass[k]->ghosts == 1;
+    }
     result = sphpa_sim_check_points_(sim, err);
     for (int k = 0; k < 2 * sim->scene.modules && result == SPHPA_OK; k++) {
         int m = k % sim->scene.modules; /* first those that make ghosts, for the others' setups */
@@ -14954,11 +14972,11 @@ SPHPA_DEF sphpa_module sphpa_godunov(sphpa_godunov_params *params) {
     sphpa_gas_group_(&module, "godunov slopes", SPHPA_STAGE_STRESS, shape | flow | SPHPA_F(P),
                      slopes, sphpa_godunov_gradients_, sphpa_godunov_pack_flow_,
                      sizeof(sphpa_godunov_flow_))
-        ->ghosts = 1; /* which need no more than what is prescribed for them */
+        ->ghosts = 2; /* which need no more than what is prescribed for them */
     sphpa_gas_group_(&module, "godunov forces", SPHPA_STAGE_FORCES, state | slopes,
                      SPHPA_F(a) | SPHPA_F(a_pairs) | SPHPA_F(work) | SPHPA_F(mu_max),
                      sphpa_godunov_forces_, sphpa_godunov_pack_, sizeof(sphpa_godunov_record_))
-        ->ghosts = 1; /* for the others' sake */
+        ->ghosts = 2; /* for the others' sake */
     sphpa_module_pass_(&module, "godunov energy", SPHPA_STAGE_ENERGY,
                        SPHPA_F(v) | SPHPA_F(a) | SPHPA_F(a_pairs) | SPHPA_F(work), SPHPA_F(du))
         ->particle = sphpa_godunov_energy_;
@@ -18430,28 +18448,30 @@ SPHPA_PRIVATE_ bool sphpa_hybrid_steep_(const sphpa_hybrid *h, double *const U[4
     return false;
 }
 
-/* next[c] = 1 within `width` cells of a c with from[c] != 0, in both directions at once */
-SPHPA_PRIVATE_ void sphpa_hybrid_dilate_(const sphpa_grid *grid, const unsigned char *from,
+/* next[c] = 1 where one of the cells up to `width` away along axis a has from[] != 0 */
+SPHPA_PRIVATE_ void sphpa_hybrid_spread_(const sphpa_grid *grid, const unsigned char *from, int a,
                                          int width, unsigned char *next) {
     memset(next, 0, grid->n);
     for (size_t c = 0; c < grid->n; c++) {
-        if (!from[c]) continue;
-        for (long dj = -width; dj <= width; dj++)
-            for (long di = -width; di <= width; di++) {
-                size_t i = 0, j = 0;
-                if (sphpa_hybrid_shift_(grid, 0, (long)(c % grid->nx), di, &i) &&
-                    sphpa_hybrid_shift_(grid, 1, (long)(c / grid->nx), dj, &j))
-                    next[i + grid->nx * j] = 1;
-            }
+        size_t at[2] = {c % grid->nx, c / grid->nx}, own = at[a];
+        for (long d = -width; d <= width && from[c]; d++)
+            if (sphpa_hybrid_shift_(grid, a, (long)own, d, &at[a])) next[at[0] + grid->nx * at[1]] = 1;
     }
 }
 
-/* gaps between cells with cell[c] != 0 that are narrower than twice `width` are filled; spare: (n) */
+/* next[c] = 1 within `width` cells of a c with from[c] != 0, in both directions at once; spare: (n) */
+SPHPA_PRIVATE_ void sphpa_hybrid_dilate_(const sphpa_grid *grid, const unsigned char *from,
+                                         int width, unsigned char *next, unsigned char *spare) {
+    sphpa_hybrid_spread_(grid, from, 0, width, spare);
+    sphpa_hybrid_spread_(grid, spare, 1, width, next);
+}
+
+/* gaps between cells with cell[c] != 0 that are narrower than twice `width` are filled; spare: (2 n) */
 SPHPA_PRIVATE_ void sphpa_hybrid_close_(const sphpa_grid *grid, int width, unsigned char *cell,
                                         unsigned char *spare) {
-    sphpa_hybrid_dilate_(grid, cell, width, spare);
+    sphpa_hybrid_dilate_(grid, cell, width, spare, spare + grid->n);
     for (size_t c = 0; c < grid->n; c++) spare[c] = !spare[c];
-    sphpa_hybrid_dilate_(grid, spare, width, cell);
+    sphpa_hybrid_dilate_(grid, spare, width, cell, spare + grid->n);
     for (size_t c = 0; c < grid->n; c++) cell[c] = !cell[c];
 }
 
@@ -18494,10 +18514,10 @@ SPHPA_PRIVATE_ void sphpa_hybrid_regions_(sphpa_hybrid *h) {
                     sphpa_hybrid_steep_(h, work->old, i, (size_t)j);
     }
     unsigned char *active = work->next, *near = (unsigned char *)work->queue; /* room enough */
-    sphpa_hybrid_dilate_(grid, work->flag, h->options.active, active);
+    sphpa_hybrid_dilate_(grid, work->flag, h->options.active, active, near);
     if (!h->options.published) sphpa_hybrid_close_(grid, h->options.buffer, active, near);
     sphpa_hybrid_rim_(h, active);
-    sphpa_hybrid_dilate_(grid, active, h->options.buffer, near);
+    sphpa_hybrid_dilate_(grid, active, h->options.buffer, near, near + grid->n);
     h->stats.cells = 0;
     for (size_t c = 0; c < grid->n; c++) {
         unsigned char was = h->cell[c];

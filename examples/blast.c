@@ -90,8 +90,7 @@ static blast_settings blast_default_settings(void) {
     s.pilot = 2.5;
     s.g1 = 0.25;
     s.g2 = 0.5;
-    s.threshold = 0.5;
-    s.flag_by = SPHPA_HYBRID_BY_PRESSURE;
+    s.threshold = 0.3;
     s.tolerance = 1e-3;
     s.active = 1;
     s.kernel = SPHPA_KERNEL_GAUSSIAN;
