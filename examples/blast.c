@@ -4,8 +4,9 @@
 
    The paper states the yields, the density of the charge (1000 kg/m3), the air (1.225 kg/m3, 102
    kPa), dx = 0.2 m, a mesh 4 times as coarse (here twice: cells cost little), the first steps, the
-   growing domains, the Gaussian and eta = 1.5. Its radius of the charge, gamma, g1, g2 and thresholds are not stated in its text: those
-   here are assumptions, and all are options. Every parameter is printed before a run.
+   growing domains, the Gaussian and eta = 1.5. Its radius of the charge, gamma, g1, g2 and thresholds
+   are not stated in its text: those here are assumptions, and all are options. Every parameter is
+   printed before a run.
 
    This file has the options and the order of things; the runs are in blast_methods.h, what is
    measured in blast_measure.h, logs and tables in blast_output.h, pictures in blast_draw.h. */
