@@ -1259,6 +1259,10 @@ typedef struct sphpa_tree {
     size_t n;      /* particles; 0: empty */
     int dim;       /* 1, 2 or 3 */
     int leaf_size; /* the caller's wish: most particles in a leaf; 0 means 32 */
+    const int32_t *behind; /* the caller's wish, (n) for the next build: where it is not 0 a particle
+                              is sorted behind those where it is, and has no lists: it is there as a
+                              neighbour only. NULL: no such particles */
+    size_t active; /* sorted particles [0, active) have lists */
     sphpa_box box; /* where periodic: the periodic box; elsewhere: the particles' bounding box */
     double *pos;   /* (n,4) sorted: x, y, z, support [m]; 0 on axes beyond dim */
     uint32_t *order;        /* (n) order[k]: index in the caller's arrays of sorted particle k */
@@ -1321,7 +1325,7 @@ typedef struct sphpa_tree_chunk {
 /* Who is near, in SORTED indices, for each group of sorted particles that follow each other. A
    zeroed struct holds no lists; buffers are reused. */
 typedef struct sphpa_tree_lists {
-    size_t n;                 /* particles */
+    size_t n;                 /* particles that have lists: the tree's active ones */
     size_t group;             /* particles of a group; the last one may have fewer */
     size_t groups;            /* n/group, rounded up */
     size_t entries;           /* sum of the counts */
@@ -1342,7 +1346,7 @@ typedef struct sphpa_tree_lists {
 /* [m] what image 0 to 26 of a particle adds to its position; image 0 is the particle itself. */
 SPHPA_DEF void sphpa_tree_image_shift(const sphpa_box *box, uint32_t image, double shift[3]);
 
-/* Lists for every group of `group` (1, 2, 4, 8 or 16) sorted particles all particles, or images of
+/* Lists for every group of `group` (1, 2, 4, 8 or 16) of the sorted particles [0, active): all, or images of
    some, with (3) to at least one of the group: the group's own particles are among them, and
    nobody comes twice as the same image. The same lists, in the same order, for any number of
    threads. skin >= 0 [1]. An OpenMP build allocates from several threads at once, so SPHPA_MALLOC
@@ -1669,6 +1673,8 @@ typedef struct sphpa_group {
     size_t far_entries;
     const double (*centre)[3]; /* [m] by image: x_j - centre[image] is relative to the group */
     const char *records;   /* what pack() wrote; j's is at records + j * record_bytes */
+    bool opens, closes;    /* the first, the last of its SPHPA_TREE_CHUNK particles, whose groups one
+                              thread takes in their order; groups of ghosts alone do not count */
 } sphpa_group;
 
 /* Ghosts: particles whose values come from elsewhere, with ghost[i] != 0 (walls, the rim of a
@@ -1691,8 +1697,7 @@ typedef struct sphpa_pass {
                                  and u always do */
     int at_commit; /* GRADIENTS to DAMAGE, not 0: runs again at the step's end, dt_stage = dt */
     int unfiltered; /* with pair, not 0: gets every listed particle, also beyond the supports */
-    int ghosts;     /* PAIR: 1: ghosts get it like all others; 2: for the others' sake, so ghosts
-                       that are nobody else's neighbours may get it as if they had none */
+    int ghosts;     /* PAIR, not 0: ghosts get it like all others */
     size_t record_bytes;      /* of one packed record; 0: the pass reads the fields themselves */
     /* fills records[i], i in [first, last), before the pairs are visited */
     void (*pack)(const struct sphpa_sim *sim, const void *params, size_t first, size_t last,
@@ -2434,7 +2439,7 @@ SPHPA_DEF sphpa_grid_sums sphpa_grid_totals(const sphpa_grid *grid);
      (1) the mesh makes a step of its own, everywhere
      (2) flagged are cells where a neighbour differs too much, before or after (1): |q(i+1) - q(i-1)|/2
          >= threshold (|q| + floor), q = rho, P; active those within `active` cells of a flagged one,
-         and gaps between such narrower than two buffers, but (unless threshold = 0) none within
+         and gaps between such narrower than a buffer, but (unless threshold = 0) none within
          `buffer` cells of an outflow edge; buffer those within `buffer` cells of an active one
      (3) particles elsewhere are removed; cells that are new get a lattice whose phase is that of the
          nearest particle (where there is none: of the mesh, as if it moved with the gas), with
@@ -8660,7 +8665,21 @@ SPHPA_PRIVATE_ sphpa_tree_sort_ sphpa_tree_sort_of_(const sphpa_tree *tree, size
     return sort;
 }
 
-/* sorts the caller's particles into pos, order and rank; sort.key keeps the sorted keys */
+/* first k in [first, end) whose key has the bit; the bits above it are equal in the range */
+SPHPA_PRIVATE_ uint32_t sphpa_tree_bisect_(const uint64_t *key, uint32_t first, uint32_t end,
+                                           int bit) {
+    while (first < end) {
+        uint32_t middle = first + (end - first) / 2;
+        if ((key[middle] >> bit) & 1u)
+            end = middle;
+        else
+            first = middle + 1;
+    }
+    return first;
+}
+
+/* sorts the caller's particles into pos, order and rank; sort.key keeps the sorted keys, whose
+   highest bit no place needs */
 SPHPA_PRIVATE_ void sphpa_tree_place_(sphpa_tree *tree, const sphpa_tree_sort_ *sort,
                                       const double *x, const double *support) {
     sphpa_tree_frame_ frame;
@@ -8669,9 +8688,11 @@ SPHPA_PRIVATE_ void sphpa_tree_place_(sphpa_tree *tree, const sphpa_tree_sort_ *
     SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_TREE_SERIAL_))
     for (size_t i = 0; i < n; i++) {
         sort->key[i] = sphpa_tree_key_(&frame, x + 3 * i);
+        if (tree->behind != NULL && tree->behind[i] != 0) sort->key[i] |= (uint64_t)1 << 63;
         sort->index[i] = (uint32_t)i;
     }
     sphpa_tree_sort_keys_(sort, n);
+    tree->active = sphpa_tree_bisect_(sort->key, 0, (uint32_t)n, 63);
     SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_TREE_SERIAL_))
     for (size_t k = 0; k < n; k++) {
         size_t i = sort->index[k];
@@ -8723,19 +8744,6 @@ SPHPA_PRIVATE_ void sphpa_tree_rekey_(sphpa_tree *tree, const sphpa_tree_sort_ *
     }
     memcpy(sort.index_spare, order, count * sizeof *order);
     for (size_t k = 0; k < count; k++) order[k] = sort.index_spare[sort.index[k]];
-}
-
-/* first k in [first, end) whose key has the bit; the bits above it are equal in the range */
-SPHPA_PRIVATE_ uint32_t sphpa_tree_bisect_(const uint64_t *key, uint32_t first, uint32_t end,
-                                           int bit) {
-    while (first < end) {
-        uint32_t middle = first + (end - first) / 2;
-        if ((key[middle] >> bit) & 1u)
-            end = middle;
-        else
-            first = middle + 1;
-    }
-    return first;
 }
 
 /* Cuts [edge[0], edge[1]) at up to three bits, the highest that differs and the next two, but cuts
@@ -9434,11 +9442,11 @@ SPHPA_DEF sphpa_result sphpa_tree_lists_build(const sphpa_tree *tree, double ski
     if (result != SPHPA_OK) return result;
     lists->n = lists->entries = lists->chunk_count = 0;
     lists->group = group;
-    lists->groups = (tree->n + group - 1) / group;
-    if (!sphpa_tree_lists_reserve_(lists, tree->n))
+    lists->groups = (tree->active + group - 1) / group;
+    if (!sphpa_tree_lists_reserve_(lists, tree->active))
         return sphpa_tree_no_memory_(err, "sphpa_tree_lists_build", tree->n);
-    lists->n = tree->n;
-    lists->chunk_count = (tree->n + SPHPA_TREE_CHUNK - 1) >> SPHPA_TREE_CHUNK_SHIFT;
+    lists->n = tree->active;
+    lists->chunk_count = (lists->n + SPHPA_TREE_CHUNK - 1) >> SPHPA_TREE_CHUNK_SHIFT;
     if (!sphpa_tree_list_all_(tree, 1.0 + skin, lists)) {
         lists->n = lists->chunk_count = 0;
         return sphpa_tree_no_memory_(err, "sphpa_tree_lists_build", tree->n);
@@ -10445,7 +10453,6 @@ struct sphpa_work {
     bool lists_valid, moved; /* moved: moved_max is of other positions */
     bool unsure;             /* a pass wrote x or h since it was asked whether the lists hold */
     bool lists_of_ghosts;    /* a pair pass is for ghosts, too */
-    bool lists_of_all_ghosts; /* and not just for those that others see */
     unsigned set_up;    /* bits of the modules whose setup was called */
     char *records;      /* packed records of the passes that share a traversal */
     size_t records_bytes;
@@ -10823,7 +10830,8 @@ SPHPA_PRIVATE_ bool sphpa_sim_lists_hold_(sphpa_sim *sim) {
         bool hold = true;
         size_t end = sphpa_block_end_((size_t)block, sim->p.n);
         for (size_t i = (size_t)block * SPHPA_BLOCK_; i < end; i++)
-            hold = hold && support * (double)sim->p.h[i] <= sphpa_sim_reach_(sim, i);
+            hold = hold && support * (double)sim->p.h[i] <= sphpa_sim_reach_(sim, i) &&
+                   (i < sim->lists.n || sphpa_ghost_(&sim->p, i));
         work->block_result[block] = hold ? 1 : 0;
     }
     for (long block = 0; block < blocks; block++)
@@ -10885,7 +10893,7 @@ SPHPA_PRIVATE_ void sphpa_sim_count_(sphpa_sim *sim) {
     for (long c = 0; c < chunks; c++)
         sim->work->block_sum[c] = sphpa_count_chunk_(sim, (size_t)c); /* fewer than blocks */
     for (long c = 0; c < chunks; c++) sum += sim->work->block_sum[c];
-    sim->stats.neighbours_mean = sum / (double)sim->p.n;
+    sim->stats.neighbours_mean = sim->lists.n > 0 ? sum / (double)sim->lists.n : 0.0;
 }
 
 SPHPA_PRIVATE_ sphpa_result sphpa_sim_build_tree_(sphpa_sim *sim, sphpa_error *err) {
@@ -10898,6 +10906,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_build_tree_(sphpa_sim *sim, sphpa_error *e
     const sphpa_box *box = &sim->options.box;
     bool periodic = box->periodic[0] || box->periodic[1] || box->periodic[2];
     work->lists_valid = false;
+    sim->tree.behind = work->lists_of_ghosts ? NULL : sim->p.ghost;
     sphpa_result result = sphpa_tree_build(&sim->tree, sim->p.dim, sim->p.n, sim->p.x,
                                            work->support, periodic ? box : NULL, err);
     sphpa_sim_time_(sim, SPHPA_TIME_TREE_BUILD, start);
@@ -11219,32 +11228,25 @@ SPHPA_FORCE_INLINE_ bool sphpa_group_ghosts_(const sphpa_sim *sim, const sphpa_g
     return all;
 }
 
-/* whether no one but ghosts is near, and all that these get is for the others' sake */
-SPHPA_FORCE_INLINE_ bool sphpa_group_idle_(const sphpa_sim *sim, const sphpa_group *group) {
-    bool idle = !sim->work->lists_of_all_ghosts;
-    for (size_t k = 0; k < group->far_entries && idle; k++)
-        idle = sim->p.ghost[SPHPA_TREE_ENTRY_INDEX(group->far[k])] != 0;
-    return idle;
-}
-
 /* one chunk of the lists, group by group */
 SPHPA_PRIVATE_ void sphpa_shared_chunk_(sphpa_sim *sim, const sphpa_shared_ *shared, size_t chunk) {
     sphpa_pair_buffer_ *buffer = &sim->work->buffer[sphpa_thread_()];
     double centre[SPHPA_TREE_IMAGES][3];
     sphpa_group group;
-    size_t end = (chunk + 1) * SPHPA_TREE_CHUNK, used = 0;
-    if (end > sim->p.n) end = sim->p.n;
+    size_t first = chunk * SPHPA_TREE_CHUNK, end = first + SPHPA_TREE_CHUNK, used = 0, last = first;
+    bool opened = false;
+    if (end > sim->lists.n) end = sim->lists.n;
+    for (size_t i = first; i < end; i++)
+        if (!sphpa_ghost_(&sim->p, i)) last = i;
     unsigned before = sphpa_denormals_off_();
-    for (size_t i = chunk * SPHPA_TREE_CHUNK; i < end; i += SPHPA_LANES_) {
+    for (size_t i = first; i < end; i += SPHPA_LANES_) {
         sphpa_group_at_(sim, i, &group);
         bool ghosts = sphpa_group_ghosts_(sim, &group);
         if (ghosts && !sim->work->lists_of_ghosts) continue;
-        if (ghosts && sphpa_group_idle_(sim, &group)) {
-            sphpa_group_centre_(sim, sim->work->point + 4 * i, 0, centre, &group);
-            group.entries = 0;
-        } else {
-            sphpa_narrow_at_(sim, chunk, &used, centre, &group);
-        }
+        group.opens = !ghosts && !opened;
+        group.closes = !ghosts && last - i < SPHPA_LANES_;
+        opened = opened || !ghosts;
+        sphpa_narrow_at_(sim, chunk, &used, centre, &group);
         sphpa_shared_group_(sim, shared, ghosts, &group, buffer);
     }
     sphpa_denormals_back_(before);
@@ -11266,7 +11268,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_traverse_(sphpa_sim *sim, int first, int l
     if (result != SPHPA_OK) return result;
     sphpa_narrow_begin_(sim, shared.one_by_one);
     for (int t = 0; t < work->threads; t++) work->buffer[t].pairs = work->buffer[t].targets = 0;
-    long chunks = (long)((sim->p.n + SPHPA_TREE_CHUNK - 1) / SPHPA_TREE_CHUNK);
+    long chunks = (long)sim->lists.chunk_count;
     SPHPA_OMP(parallel for schedule(dynamic, 1) if (chunks > 2))
     for (long chunk = 0; chunk < chunks; chunk++) sphpa_shared_chunk_(sim, &shared, (size_t)chunk);
     work->narrow.hold = true;
@@ -11997,11 +11999,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_fill_(sphpa_sim *sim, const sphpa_particle
     sim->work = (struct sphpa_work *)sphpa_alloc_(1, sizeof(struct sphpa_work));
     if (sim->work == NULL) return sphpa_error_set(err, SPHPA_ERROR_MEMORY, "out of memory");
     memset(sim->work, 0, sizeof(struct sphpa_work));
-    for (int k = 0; k < sim->passes; k++) {
+    for (int k = 0; k < sim->passes; k++)
         sim->work->lists_of_ghosts = sim->work->lists_of_ghosts || sim->pass[k]->ghosts != 0;
-        sim->work->lists_of_all_ghosts =
-            sim->work->lists_of_all_ghosts || sim->pass[k]->ghosts == 1;
-    }
     result = sphpa_sim_check_points_(sim, err);
     for (int k = 0; k < 2 * sim->scene.modules && result == SPHPA_OK; k++) {
         int m = k % sim->scene.modules; /* first those that make ghosts, for the others' setups */
@@ -14440,7 +14439,7 @@ typedef struct sphpa_godunov_lanes_ {
     sphpa_lanes_ g_rho[3], g_P[3], L[6];
     sphpa_lanes_ a[3], work, closing; /* sums of (3) and (4), signs turned; the closing speed */
     sphpa_real norm;                  /* of the kernel */
-    sphpa_lanes_ own;                 /* 0 of ghosts, which do not meet ghosts */
+    sphpa_lanes_ own;                 /* 0 of ghosts, which meet nobody */
     size_t count, problems;           /* neighbours in the chunk, and their Riemann problems */
     uint32_t j[SPHPA_GODUNOV_CHUNK_];
     unsigned char both[SPHPA_GODUNOV_CHUNK_];   /* not 0: j gets its share here, too */
@@ -14688,7 +14687,7 @@ SPHPA_FORCE_INLINE_ void sphpa_godunov_states_(size_t k, const sphpa_godunov_pai
 /* everything of one neighbour but its Riemann problem */
 SPHPA_FORCE_INLINE_ void sphpa_godunov_meet_(const sphpa_group *near, int shape, int dim,
                                              const sphpa_godunov_params *god, uint32_t entry,
-                                             bool both, bool ghost, sphpa_godunov_lanes_ *i) {
+                                             bool both, bool mixed, sphpa_godunov_lanes_ *i) {
     uint32_t index = SPHPA_TREE_ENTRY_INDEX(entry);
     const sphpa_godunov_record_ *j =
         (const sphpa_godunov_record_ *)(const void *)near->records + index;
@@ -14697,7 +14696,7 @@ SPHPA_FORCE_INLINE_ void sphpa_godunov_meet_(const sphpa_group *near, int shape,
     i->j[k] = index;
     i->both[k] = both;
     sphpa_godunov_aim_(near, shape, dim, god->own_h, entry, j, i, &pair);
-    if (ghost) pair.gi *= i->own, pair.gj *= i->own;
+    if (mixed) pair.gi *= i->own, pair.gj *= i->own;
     sphpa_godunov_differ_(dim, j, i, &pair);
     sphpa_godunov_push_(dim, god, j, k, &pair, i);
     sphpa_lanes_ sum = pair.gi + pair.gj, zero = sphpa_lanes_of_(SPHPA_R(0.0));
@@ -14768,20 +14767,20 @@ SPHPA_FORCE_INLINE_ void sphpa_godunov_add_(sphpa_sim *sim, const sphpa_group *n
 }
 
 /* All neighbours. Pairs within one chunk of the lists, which one thread takes group by group, are
-   met once: by the group that comes first, which then writes into the other's sums as well. That is
-   all that groups of ghosts do. */
+   met once: by the group that comes first, which then writes into the other's sums as well. Ghosts
+   are met by the others, and meet nobody. */
 SPHPA_FORCE_INLINE_ void sphpa_godunov_all_(sphpa_sim *sim, const sphpa_group *near, int shape,
                                             int dim, const sphpa_godunov_params *god,
                                             sphpa_godunov_lanes_ *i) {
     size_t chunk = near->first >> SPHPA_TREE_CHUNK_SHIFT;
-    bool ghosts = sphpa_group_ghosts_(sim, near);
+    bool mixed = false;
+    for (size_t l = 0; l < near->count; l++) mixed = mixed || sphpa_ghost_(&sim->p, near->first + l);
     for (size_t k = 0; k < near->entries; k++) {
         uint32_t entry = near->list[k], j = SPHPA_TREE_ENTRY_INDEX(entry);
-        bool inside = (j >> SPHPA_TREE_CHUNK_SHIFT) == chunk;
+        bool inside = (j >> SPHPA_TREE_CHUNK_SHIFT) == chunk && !sphpa_ghost_(&sim->p, j);
         bool both = inside && j >= near->first + near->count;
-        bool ghost = sphpa_ghost_(&sim->p, j);
-        if ((inside && j < near->first) || (ghosts && (!both || ghost))) continue;
-        sphpa_godunov_meet_(near, shape, dim, god, entry, both, ghost, i);
+        if (inside && j < near->first) continue;
+        sphpa_godunov_meet_(near, shape, dim, god, entry, both, mixed, i);
         if (i->count == SPHPA_GODUNOV_CHUNK_ ||
             i->problems + SPHPA_LANES_ > (size_t)SPHPA_RIEMANN_LANES_)
             sphpa_godunov_add_(sim, near, dim, i);
@@ -14789,24 +14788,30 @@ SPHPA_FORCE_INLINE_ void sphpa_godunov_all_(sphpa_sim *sim, const sphpa_group *n
     if (i->count > 0) sphpa_godunov_add_(sim, near, dim, i);
 }
 
+/* the Gaussian with h and V2 as they are by default, with slopes that the compiler knows */
+#define SPHPA_GODUNOV_USUAL_(dim, own_slopes)                                                      \
+    if (god->slopes == (own_slopes)) {                                                             \
+        sphpa_godunov_params usual = *god;                                                         \
+        usual.own_h = usual.volume = 0, usual.slopes = (own_slopes);                               \
+        sphpa_godunov_all_(sim, near, SPHPA_GODUNOV_GAUSSIAN_, dim, &usual, i);                    \
+        return;                                                                                    \
+    }
 #define SPHPA_GODUNOV_ALL_(name, dim)                                                              \
     SPHPA_NO_INLINE_ void sphpa_godunov_all_##name##_(sphpa_sim *sim, const sphpa_group *near,     \
                                                       int shape, const sphpa_godunov_params *god,  \
                                                       sphpa_godunov_lanes_ *i) {                   \
-        if (shape == SPHPA_GODUNOV_GAUSSIAN_ && !god->own_h && god->volume == 0 &&                 \
-            god->slopes == 0) {                                                                    \
-            sphpa_godunov_params usual = *god;                                                     \
-            usual.own_h = usual.volume = usual.slopes = 0;                                         \
-            sphpa_godunov_all_(sim, near, SPHPA_GODUNOV_GAUSSIAN_, dim, &usual, i);                \
-        } else {                                                                                   \
-            sphpa_godunov_all_(sim, near, shape, dim, god, i);                                     \
+        if (shape == SPHPA_GODUNOV_GAUSSIAN_ && !god->own_h && god->volume == 0) {                 \
+            SPHPA_GODUNOV_USUAL_(dim, SPHPA_GODUNOV_MIDDLE)                                        \
+            SPHPA_GODUNOV_USUAL_(dim, SPHPA_GODUNOV_VAN_LEER)                                      \
         }                                                                                          \
+        sphpa_godunov_all_(sim, near, shape, dim, god, i);                                         \
     }
 
 SPHPA_GODUNOV_ALL_(1d, 1)
 SPHPA_GODUNOV_ALL_(2d, 2)
 SPHPA_GODUNOV_ALL_(3d, 3)
 #undef SPHPA_GODUNOV_ALL_
+#undef SPHPA_GODUNOV_USUAL_
 
 /* sums of a chunk of the lists are 0 before its first group, and complete after its last one */
 SPHPA_PRIVATE_ void sphpa_godunov_chunk_(sphpa_sim *sim, size_t first, bool begin) {
@@ -14826,9 +14831,9 @@ SPHPA_PRIVATE_ void sphpa_godunov_chunk_(sphpa_sim *sim, size_t first, bool begi
 SPHPA_PRIVATE_ void sphpa_godunov_forces_(sphpa_sim *sim, void *params, const sphpa_group *near) {
     const sphpa_godunov_params *god = (const sphpa_godunov_params *)params;
     sphpa_shape_ shape = sphpa_shape_of_(sim);
-    size_t first = near->first & ~(SPHPA_TREE_CHUNK - 1), end = near->first + near->count;
+    size_t first = near->first & ~(SPHPA_TREE_CHUNK - 1);
     sphpa_godunov_lanes_ i;
-    if (near->first == first) sphpa_godunov_chunk_(sim, first, true);
+    if (near->opens) sphpa_godunov_chunk_(sim, first, true);
     sphpa_godunov_own_(&sim->p, near, &i);
     i.norm = (sphpa_real)shape.norm;
     i.count = i.problems = 0;
@@ -14849,7 +14854,7 @@ SPHPA_PRIVATE_ void sphpa_godunov_forces_(sphpa_sim *sim, void *params, const sp
         sphpa_real closing = SPHPA_LANE_(i.closing, l);
         if (closing > sim->p.mu_max[k]) sim->p.mu_max[k] = closing;
     }
-    if (end == first + SPHPA_TREE_CHUNK || end == sim->p.n) sphpa_godunov_chunk_(sim, first, false);
+    if (near->closes) sphpa_godunov_chunk_(sim, first, false);
 }
 
 /* (4): the rest of it, since sum_j of the pairs' forces on i is a */
@@ -14971,12 +14976,10 @@ SPHPA_DEF sphpa_module sphpa_godunov(sphpa_godunov_params *params) {
         ->particle = sphpa_gas_pressure_;
     sphpa_gas_group_(&module, "godunov slopes", SPHPA_STAGE_STRESS, shape | flow | SPHPA_F(P),
                      slopes, sphpa_godunov_gradients_, sphpa_godunov_pack_flow_,
-                     sizeof(sphpa_godunov_flow_))
-        ->ghosts = 2; /* which need no more than what is prescribed for them */
+                     sizeof(sphpa_godunov_flow_));
     sphpa_gas_group_(&module, "godunov forces", SPHPA_STAGE_FORCES, state | slopes,
                      SPHPA_F(a) | SPHPA_F(a_pairs) | SPHPA_F(work) | SPHPA_F(mu_max),
-                     sphpa_godunov_forces_, sphpa_godunov_pack_, sizeof(sphpa_godunov_record_))
-        ->ghosts = 2; /* for the others' sake */
+                     sphpa_godunov_forces_, sphpa_godunov_pack_, sizeof(sphpa_godunov_record_));
     sphpa_module_pass_(&module, "godunov energy", SPHPA_STAGE_ENERGY,
                        SPHPA_F(v) | SPHPA_F(a) | SPHPA_F(a_pairs) | SPHPA_F(work), SPHPA_F(du))
         ->particle = sphpa_godunov_energy_;
@@ -18515,7 +18518,7 @@ SPHPA_PRIVATE_ void sphpa_hybrid_regions_(sphpa_hybrid *h) {
     }
     unsigned char *active = work->next, *near = (unsigned char *)work->queue; /* room enough */
     sphpa_hybrid_dilate_(grid, work->flag, h->options.active, active, near);
-    if (!h->options.published) sphpa_hybrid_close_(grid, h->options.buffer, active, near);
+    if (!h->options.published) sphpa_hybrid_close_(grid, (h->options.buffer + 1) / 2, active, near);
     sphpa_hybrid_rim_(h, active);
     sphpa_hybrid_dilate_(grid, active, h->options.buffer, near, near + grid->n);
     h->stats.cells = 0;
@@ -18895,6 +18898,44 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_remove_(sphpa_hybrid *h, sphpa_error *e
     return sphpa_particles_remove(&h->sim.p, h->work->keep, err);
 }
 
+/* how gas that is at x when the step starts fares, by the mesh */
+typedef struct sphpa_hybrid_course_ {
+    sphpa_grid_state at; /* at first */
+    double u, rate[4];   /* [J/kg] at first; [per s] of rho, v, u along its way */
+} sphpa_hybrid_course_;
+
+SPHPA_PRIVATE_ sphpa_hybrid_course_ sphpa_hybrid_course_of_(const sphpa_hybrid *h, const double *x,
+                                                            double dt) {
+    const sphpa_grid *grid = &h->grid;
+    double *const now[4] = {grid->rho, grid->mx, grid->my, grid->E}, then[2];
+    double per_gamma = 1.0 / (grid->options.gamma - 1.0);
+    sphpa_hybrid_course_ c;
+    c.at = sphpa_hybrid_between_(grid, h->work->old, x);
+    for (int k = 0; k < 2; k++) then[k] = x[k] + dt * c.at.v[k];
+    sphpa_grid_state end = sphpa_hybrid_between_(grid, now, then);
+    c.u = per_gamma * c.at.P / c.at.rho;
+    c.rate[0] = (end.rho - c.at.rho) / dt;
+    for (int k = 0; k < 2; k++) c.rate[1 + k] = (end.v[k] - c.at.v[k]) / dt;
+    c.rate[3] = (per_gamma * end.P / end.rho - c.u) / dt;
+    return c;
+}
+
+/* The next step predicts with rates of its start: those of new particles are the mesh's. */
+SPHPA_PRIVATE_ void sphpa_hybrid_rates_(sphpa_hybrid *h, const sphpa_hybrid_births_ *births,
+                                        size_t first) {
+    sphpa_particles *p = &h->sim.p;
+    double gamma = h->grid.options.gamma;
+    for (size_t i = first; i < first + births->count; i++) {
+        sphpa_hybrid_course_ course = sphpa_hybrid_course_of_(h, p->x + 3 * i, h->grid.dt);
+        double c = sqrt(gamma * (gamma - 1.0) * sphpa_max_(p->u[i], 0.0));
+        for (size_t a = 0; a < 2; a++) p->a[3 * i + a] = (sphpa_real)course.rate[1 + a];
+        p->du[i] = (sphpa_real)course.rate[3];
+        if (p->ghost[i] == 0)
+            h->sim.dt_next = sphpa_min_(h->sim.dt_next,
+                                        h->sim.options.cfl * (double)p->h[i] / (c + 1e-300));
+    }
+}
+
 /* the new ones into a set */
 SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_bear_(const sphpa_hybrid *h, sphpa_particles *p,
                                                const sphpa_hybrid_births_ *births,
@@ -18939,12 +18980,11 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_begin_(sphpa_hybrid *h,
     return SPHPA_OK;
 }
 
-/* the particles' set changed: no lists, no rates of new ones, images anew */
-SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_changed_(sphpa_hybrid *h, bool active, sphpa_error *err) {
+/* the particles' set changed: no lists, images anew */
+SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_changed_(sphpa_hybrid *h, sphpa_error *err) {
     size_t bad = 0;
     sphpa_result result = SPHPA_OK;
     h->sim.work->lists_valid = false;
-    if (active) h->sim.started = 0;
     if (h->work->has_edges) {
         for (size_t i = 0; i < h->sim.p.n; i++)
             if (sphpa_hybrid_own_(&h->sim.p, i)) h->sim.p.parent[i] = -1;
@@ -18958,7 +18998,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_changed_(sphpa_hybrid *h, bool active, 
 
 /* new particles where cells are new, or buffers were emptied (also of one that becomes active) */
 SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_births_of_(sphpa_hybrid *h, sphpa_hybrid_births_ *births,
-                                                    bool *active, sphpa_error *err) {
+                                                    sphpa_error *err) {
     struct sphpa_hybrid_work *work = h->work;
     double *const phase[2] = {work->deposit[0], work->deposit[1]};
     sphpa_result result = sphpa_hybrid_census_(h, err);
@@ -18969,9 +19009,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_births_of_(sphpa_hybrid *h, sphpa_hybri
         if (kind == SPHPA_HYBRID_MESH) continue;
         if (was == SPHPA_HYBRID_ACTIVE && kind == SPHPA_HYBRID_ACTIVE) continue;
         if (was != SPHPA_HYBRID_MESH && h->options.published) continue;
-        size_t before = births->count;
         result = sphpa_hybrid_seed_(h, c, phase, births, err);
-        *active = *active || (kind == SPHPA_HYBRID_ACTIVE && births->count > before);
     }
     return result;
 }
@@ -18980,7 +19018,6 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_populate_(sphpa_hybrid *h, sphpa_error 
     struct sphpa_hybrid_work *work = h->work;
     sphpa_hybrid_births_ births = {NULL, 0, 0, NULL};
     size_t removed = 0, merged = 0, parted = 0;
-    bool active = false;
     sphpa_result result = SPHPA_OK;
     if (h->running) {
         sphpa_sim_unrefresh_(&h->sim);
@@ -18993,7 +19030,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_populate_(sphpa_hybrid *h, sphpa_error 
     }
     births.head = (int32_t *)(void *)work->weight[0]; /* (n), free at this time */
     for (size_t c = 0; c < h->grid.n; c++) births.head[c] = -1;
-    if (result == SPHPA_OK) result = sphpa_hybrid_births_of_(h, &births, &active, err);
+    if (result == SPHPA_OK) result = sphpa_hybrid_births_of_(h, &births, err);
     h->stats.removed += removed;
     h->stats.merged += merged;
     h->stats.parted += parted;
@@ -19004,8 +19041,10 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_populate_(sphpa_hybrid *h, sphpa_error 
     } else if (result == SPHPA_OK && births.count > 0 && !h->running) {
         result = sphpa_hybrid_begin_(h, &births, err);
     } else if (result == SPHPA_OK && births.count + removed + merged + parted > 0) {
+        size_t first = h->sim.p.n;
         result = sphpa_hybrid_bear_(h, &h->sim.p, &births, err);
-        if (result == SPHPA_OK) result = sphpa_hybrid_changed_(h, active, err);
+        if (result == SPHPA_OK) sphpa_hybrid_rates_(h, &births, first);
+        if (result == SPHPA_OK) result = sphpa_hybrid_changed_(h, err);
     }
     SPHPA_FREE(births.list);
     return result;
@@ -19017,30 +19056,23 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_populate_(sphpa_hybrid *h, sphpa_error 
 enum { SPHPA_HYBRID_KEPT_ = 5 };
 
 SPHPA_PRIVATE_ void sphpa_hybrid_drive_(sphpa_hybrid *h, double dt) {
-    const sphpa_grid *grid = &h->grid;
     sphpa_particles *p = &h->sim.p;
-    double *const now[4] = {grid->rho, grid->mx, grid->my, grid->E};
-    double *kept = sphpa_particles_column(p, "HybridGhosts"), gamma = grid->options.gamma;
+    double *kept = sphpa_particles_column(p, "HybridGhosts");
     long n = (long)p->n;
     SPHPA_OMP(parallel for schedule(static) if (n > SPHPA_LIGHT_ * SPHPA_BLOCK_))
     for (long i = 0; i < n; i++) {
         if (p->ghost[i] != 1) continue;
-        double *x = p->x + 3 * i, *own = kept + SPHPA_HYBRID_KEPT_ * i, then[2];
-        sphpa_grid_state a = sphpa_hybrid_between_(grid, h->work->old, x);
-        for (int k = 0; k < 2; k++) then[k] = x[k] + dt * a.v[k];
-        sphpa_grid_state b = sphpa_hybrid_between_(grid, now, then);
-        double u = a.P / ((gamma - 1.0) * a.rho);
-        own[0] = p->rho[i] = a.rho;
-        own[1] = (b.rho - a.rho) / dt;
+        sphpa_hybrid_course_ course = sphpa_hybrid_course_of_(h, p->x + 3 * i, dt);
+        double *own = kept + SPHPA_HYBRID_KEPT_ * i;
+        own[0] = p->rho[i] = course.at.rho;
+        for (int k = 0; k < 4; k++) own[1 + k] = course.rate[k];
         for (int k = 0; k < 2; k++) {
-            own[2 + k] = (b.v[k] - a.v[k]) / dt;
-            p->v[3 * i + k] = (sphpa_real)a.v[k];
+            p->v[3 * i + k] = (sphpa_real)course.at.v[k];
             p->a[3 * i + k] = (sphpa_real)own[2 + k];
         }
-        own[4] = (b.P / ((gamma - 1.0) * b.rho) - u) / dt;
-        p->u[i] = u;
+        p->u[i] = course.u;
         p->du[i] = (sphpa_real)own[4];
-        p->h[i] = (sphpa_real)(h->options.eta * sqrt((double)p->m[i] / a.rho));
+        p->h[i] = (sphpa_real)(h->options.eta * sqrt((double)p->m[i] / p->rho[i]));
     }
 }
 
@@ -19710,7 +19742,6 @@ SPHPA_DEF sphpa_result sphpa_hybrid_fill(sphpa_hybrid *hybrid, sphpa_grid_functi
     sphpa_grid *grid = &hybrid->grid;
     struct sphpa_hybrid_work *work = hybrid->work;
     sphpa_hybrid_births_ births = {NULL, 0, 0, NULL};
-    bool active = false;
     if (samples == 0) samples = 1;
     sphpa_result result = sphpa_grid_fill(grid, function, user, samples * hybrid->options.beta, err);
     if (result != SPHPA_OK) return result;
@@ -19724,7 +19755,7 @@ SPHPA_DEF sphpa_result sphpa_hybrid_fill(sphpa_hybrid *hybrid, sphpa_grid_functi
     sphpa_hybrid_regions_(hybrid);
     births.head = (int32_t *)(void *)work->weight[0];
     for (size_t c = 0; c < grid->n; c++) births.head[c] = -1;
-    result = sphpa_hybrid_births_of_(hybrid, &births, &active, err);
+    result = sphpa_hybrid_births_of_(hybrid, &births, err);
     for (size_t k = 0; k < births.count && result == SPHPA_OK; k++)
         result = sphpa_hybrid_fine_(hybrid, function, user, samples, k, &births, err);
     if (result == SPHPA_OK && births.count > 0) {

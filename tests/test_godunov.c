@@ -37,7 +37,13 @@ typedef struct gas_scene {
     sphpa_sim_options options;
     sphpa_particles p;
     sphpa_sim sim;
+    bool with_ghosts; /* somebody asks for the field */
 } gas_scene;
+
+static sphpa_result no_change(sphpa_sim *sim, void *params, size_t first, size_t last, size_t *bad) {
+    (void)sim, (void)params, (void)first, (void)last, (void)bad;
+    return SPHPA_OK;
+}
 
 static gas_scene *gas_new(scheme_kind kind, int dim, double gamma, double low, double high) {
     gas_scene *g = (gas_scene *)calloc(1, sizeof *g);
@@ -73,6 +79,9 @@ static sphpa_result gas_try(gas_scene *g, sphpa_error *err) {
     sphpa_module module = g->kind == GSPH   ? sphpa_godunov(&g->params)
                           : g->kind == ADKE ? sphpa_godunov_adke(&g->params)
                                             : sphpa_godunov_mpm(&g->params);
+    if (g->with_ghosts)
+        sphpa_module_pass_(&module, "ghosts", SPHPA_STAGE_PRESSURE, SPHPA_F(ghost), 0)->particle =
+            no_change;
     assert_int_equal(sphpa_scene_add(&scene, module), SPHPA_OK);
     return sphpa_sim_create(&g->sim, &scene, &g->p, &g->options, err);
 }
@@ -324,12 +333,13 @@ static void gsph_rates(const gas_scene *g, const double *h, size_t i, double a[3
     }
 }
 
-static void assert_gsph(gas_scene *g) {
-    gas_start(g);
+/* rates anew, of all but ghosts */
+static void assert_gsph_now(gas_scene *g) {
     double *h = gas_rates(g);
     const sphpa_particles *p = &g->sim.p;
     for (size_t i = 0; i < p->n; i++) {
         double a[3], du, size[2];
+        if (sphpa_ghost_(p, i)) continue;
         assert_near(p->rho[i], gsph_density(g, h, i), FINE(1e-13, float_edge));
         gsph_rates(g, h, i, a, &du, size);
         for (size_t k = 0; k < 3; k++)
@@ -338,6 +348,11 @@ static void assert_gsph(gas_scene *g) {
         assert_near_abs((double)p->du[i], du, FINE(2e-13, float_edge) * size[1]);
     }
     free(h);
+}
+
+static void assert_gsph(gas_scene *g) {
+    gas_start(g);
+    assert_gsph_now(g);
     gas_free(g);
 }
 
@@ -387,6 +402,44 @@ static void forces_do_not_depend_on_how_pairs_are_met(void **state) {
             if (k == 0 && periodic) by_number(g);
             assert_gsph(g);
         }
+}
+
+/* Ghosts are neighbours and get no rates: where they lie among the others, as when they have just
+   become so; where they are sorted behind them; and when all come back, whom no list is of. */
+static void ghosts_are_met_and_meet_nobody(void **state) {
+    (void)state;
+    for (int way = 0; way < 4; way++) {
+        gas_scene *g = gas_mess(GSPH, 2, 37, way % 2, 9);
+        sphpa_rng rng = sphpa_rng_seed(4, 4);
+        g->with_ghosts = true;
+        if (way > 1) by_number(g);
+        gas_start(g);
+        assert_gsph_now(g);
+        sphpa_particles *p = &g->sim.p;
+        size_t count = 0;
+        for (size_t i = 0; i < p->n; i++) {
+            p->ghost[i] = p->x[3 * i] < 0.3 || sphpa_rng_uniform(&rng) < 0.3 ? 1 : 0;
+            count += p->ghost[i] != 0 ? 1u : 0u;
+        }
+        assert_gsph_now(g); /* with the lists that are there */
+        assert_int_equal(g->sim.lists.n, p->n);
+        g->sim.work->lists_valid = false;
+        assert_gsph_now(g);
+        assert_int_equal(g->sim.lists.n, p->n - count);
+        for (size_t i = 0; i < p->n; i++) assert_int_equal(p->ghost[i] != 0, i >= g->sim.lists.n);
+        p->ghost[p->n - 1] = 0;
+        assert_gsph_now(g);
+        assert_int_equal(g->sim.lists.n, p->n - count + 1);
+        for (size_t i = 1; i < p->n; i++) p->ghost[i] = 1;
+        assert_gsph_now(g); /* of one */
+        assert_int_equal(g->sim.lists.n, p->n - count + 1);
+        g->sim.work->lists_valid = false;
+        assert_gsph_now(g);
+        assert_int_equal(g->sim.lists.n, 1);
+        memset(p->ghost, 0, p->n * sizeof *p->ghost);
+        assert_gsph_now(g);
+        gas_free(g);
+    }
 }
 
 /* ---- slopes ---------------------------------------------------------------------------------- */
@@ -1072,6 +1125,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(forces_and_heat_are_those_of_all_pairs),
         cmocka_unit_test(forces_do_not_depend_on_how_pairs_are_met),
+        cmocka_unit_test(ghosts_are_met_and_meet_nobody),
         cmocka_unit_test(slopes_of_linear_fields_are_exact),
         cmocka_unit_test(slopes_of_the_density_are_those_of_all_pairs),
         cmocka_unit_test(pilot_densities_are_those_of_all_pairs),

@@ -197,10 +197,10 @@ static void check_groups(const cloud *c, const sphpa_tree *tree, double skin, si
         fail_msg("%s", err.message);
     size_t entries = 0;
     assert_int_equal(lists->group, group);
-    assert_int_equal(lists->groups, (c->n + group - 1) / group);
+    assert_int_equal(lists->groups, (tree->active + group - 1) / group);
     for (size_t g = 0; g < lists->groups; g++) {
         size_t length = 0, found = 0, first = g * group;
-        size_t last = first + group < c->n ? first + group : c->n;
+        size_t last = first + group < tree->active ? first + group : tree->active;
         uint32_t same = 0;
         const uint32_t *list = sphpa_tree_list_of(lists, g, &length);
         assert_ptr_equal(list, sphpa_tree_list_of_(lists, g, &same));
@@ -328,6 +328,44 @@ static void check_shape(const cloud *c, const sphpa_tree *tree, int coincident) 
 }
 
 /* ---- neighbours ------------------------------------------------------------------------------ */
+
+/* some are sorted behind the others, each kind in its order; lists are of these only, and of all */
+static void test_behind(void **state) {
+    (void)state;
+    for (int kind = 0; kind < KINDS; kind++)
+        for (int dim = 1; dim <= 3; dim++)
+            for (int way = 0; way < 4; way++) { /* every third, none, all, one side */
+                cloud c = cloud_make(kind, dim, 300, way % 2 ? 7 : 0, 1.0, -0.4, 3);
+                int32_t behind[300];
+                sphpa_tree plain, tree;
+                sphpa_tree_lists lists;
+                size_t active = 0, next[2] = {0, 0};
+                memset(&plain, 0, sizeof plain);
+                memset(&tree, 0, sizeof tree);
+                memset(&lists, 0, sizeof lists);
+                for (size_t i = 0; i < c.n; i++) {
+                    bool side = c.x[3 * i] > 0.0;
+                    behind[i] = way == 0 ? i % 3 == 0 : way == 1 ? 0 : way == 2 ? -7 : side;
+                    active += behind[i] == 0 ? 1u : 0u;
+                }
+                build(&plain, &c);
+                tree.behind = behind;
+                build(&tree, &c);
+                assert_int_equal(tree.active, active);
+                assert_int_equal(plain.active, c.n);
+                check_shape(&c, &tree, kind == COINCIDENT);
+                check_single(&c, &tree);
+                check_groups(&c, &tree, 0.1, 8, &lists);
+                assert_int_equal(lists.n, active);
+                next[1] = active;
+                for (size_t k = 0; k < c.n && kind != CLUMP && kind != COINCIDENT; k++)
+                    assert_int_equal(tree.order[next[behind[plain.order[k]] != 0]++], plain.order[k]);
+                sphpa_tree_lists_free(&lists);
+                sphpa_tree_free(&tree);
+                sphpa_tree_free(&plain);
+                cloud_free(&c);
+            }
+}
 
 static void sweep(int dim) {
     static const double scale[3] = {1.0 / 1073741824.0, 1.0, 1073741824.0}; /* 2^-30, 1, 2^30 */
@@ -1050,6 +1088,7 @@ static void test_no_leak(void **state) { /* the last test: every block of the ot
 
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_behind),
         cmocka_unit_test(test_sweep_1d),       cmocka_unit_test(test_sweep_2d),
         cmocka_unit_test(test_sweep_3d),       cmocka_unit_test(test_many),
         cmocka_unit_test(test_lattice_count),  cmocka_unit_test(test_boundary),
