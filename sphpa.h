@@ -2439,8 +2439,9 @@ SPHPA_DEF sphpa_grid_sums sphpa_grid_totals(const sphpa_grid *grid);
      (1) the mesh makes a step of its own, everywhere
      (2) flagged are cells where a neighbour differs too much, before or after (1): |q(i+1) - q(i-1)|/2
          >= threshold (|q| + floor), q = rho, P; active those within `active` cells of a flagged one,
-         and gaps between such narrower than a buffer, but (unless threshold = 0) none within
-         `buffer` cells of an outflow edge; buffer those within `buffer` cells of an active one
+         and gaps between such no wider than a buffer (than two where particles do not merge: new ones
+         beside what is pressed together are a seam that stays), but (unless threshold = 0) none
+         within `buffer` cells of an outflow edge; buffer those within `buffer` of an active one
      (3) particles elsewhere are removed; cells that are new get a lattice whose phase is that of the
          nearest particle (where there is none: of the mesh, as if it moved with the gas), with
          exactly the mass, momentum and energy of the cell; buffer cells are filled up where the flow
@@ -18518,7 +18519,8 @@ SPHPA_PRIVATE_ void sphpa_hybrid_regions_(sphpa_hybrid *h) {
     }
     unsigned char *active = work->next, *near = (unsigned char *)work->queue; /* room enough */
     sphpa_hybrid_dilate_(grid, work->flag, h->options.active, active, near);
-    if (!h->options.published) sphpa_hybrid_close_(grid, (h->options.buffer + 1) / 2, active, near);
+    int gap = h->options.merge > 0.0 ? (h->options.buffer + 1) / 2 : h->options.buffer;
+    if (!h->options.published) sphpa_hybrid_close_(grid, gap, active, near);
     sphpa_hybrid_rim_(h, active);
     sphpa_hybrid_dilate_(grid, active, h->options.buffer, near, near + grid->n);
     h->stats.cells = 0;

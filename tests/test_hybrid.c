@@ -691,20 +691,23 @@ static void columns(const sphpa_hybrid *h, void *user, unsigned char *out) {
     }
 }
 
-/* no wider than a buffer: closed; else a gap; an edge is as good as a region */
+/* no wider than a buffer, or two where nobody merges: closed; else a gap; an edge is as good as a
+   region */
 static void gaps_are_closed(void **state) {
     (void)state;
     static rig r;
-    for (int gap = 1; gap <= 6; gap++) {
+    for (int way = 0; way < 12; way++) {
         double v[2] = {0.0, 0.0};
+        int gap = 1 + way % 6;
         prepare(&r, 30, 12, SPHPA_GRID_REFLECTING);
         r.o.flag = columns;
         r.o.user = &gap;
+        r.o.merge = way < 6 ? 0.3 : -1.0;
         start(&r, uniform_at, v, 1);
         assert_int_equal(r.h.options.buffer, 2);
         for (int i = 0; i < 30; i++) {
             bool margin = (i >= 3 && i <= 5) || (i >= 6 + gap && i <= 8 + gap);
-            bool between = i > 5 && i < 6 + gap && gap <= 2;
+            bool between = i > 5 && i < 6 + gap && gap <= (way < 6 ? 2 : 4);
             bool active = kind(&r.h, (size_t)i, 6) == SPHPA_HYBRID_ACTIVE;
             assert_int_equal(active, margin || between);
         }
