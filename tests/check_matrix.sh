@@ -1,7 +1,8 @@
 #!/bin/sh
 # check_matrix.sh: sphpa.h compiles without one warning in every way in which it may be included:
 # each section alone, all, none; C11 and C++11; gcc and clang; double and float; with and without
-# OpenMP; static or not; once or twice; in one unit or in two. Jobs run side by side.
+# OpenMP; static or not; once or twice; in one unit or in two. Not each with each: each section in each
+# way, and with each compiler, is built once. Jobs run side by side.
 # shellcheck source=tests/lib.sh
 . "$(dirname "$0")/lib.sh"
 
@@ -86,37 +87,54 @@ alone() {
 if nm -u '$o' | grep 'sphpa_'; then echo 'is used but not there: the closure block misses something'; exit 1; fi
 END
 }
+# What is built in many ways goes round the compilers: each way once, by one of them.
+compilers_n=$(echo "$compilers" | wc -w)
+turn() { # turn NUMBER COMPILERS: is it this compiler's turn?
+    [ $(($1 % $2)) = $((compiler_i % $2)) ]
+}
+compiler_i=-1
 for pair in $compilers; do
     compiler=${pair%:*} language=${pair##*:}
+    compiler_i=$((compiler_i + 1))
     openmp=$(openmp_of "$compiler" "$language")
     [ -n "$openmp" ] || skip "OpenMP builds with $compiler" "it has no OpenMP"
+    way=0
     for threads in '' $openmp; do
         for real in '' -DSPHPA_FLOAT; do
             how="$compiler $language -O0 $threads $real"
             flags="-O0 $threads $real"
             object "$how, declarations only" "$compiler" "$language" "$flags"
             object "$how, base" "$compiler" "$language" "$flags -DSPHPA_BASE_IMPLEMENTATION"
+            i=0
             for section in $all; do
-                [ -n "$threads" ] && [ -n "$real" ] && break # "all" below shows what this would
+                i=$((i + 1))
+                turn $((i + way)) "$compilers_n" || continue
                 [ "$section" = "$outside" ] && [ -z "$has_hdf5" ] && continue
                 alone "$how, $section alone" "$compiler" "$language" "$flags -DSPHPA_$(capitals "$section")_IMPLEMENTATION"
             done
+            way=$((way + 1))
             alone "$how, all" "$compiler" "$language" "$flags $everything"
             object "$how, all, static" "$compiler" "$language" "$flags $everything -DSPHPA_STATIC"
         done
-        for optimised in -O2 -O3; do # other warnings come with what is inlined
-            object "$compiler $language $optimised $threads, all" "$compiler" "$language" "$optimised $threads $everything"
-        done
+    done
+    for optimised in -O2 -O3; do # other warnings come with what is inlined
+        object "$compiler $language $optimised $openmp, all" "$compiler" "$language" "$optimised $openmp $everything"
     done
     object "$compiler $language -O2 -DSPHPA_FLOAT, all" "$compiler" "$language" "-O2 -DSPHPA_FLOAT $everything"
+    way=0
     for vectors in -DSPHPA_NO_VECTORS -march=x86-64-v3; do # other lanes of the pair loops
         echo 'int main(void) { return 0; }' > "$work/vectors.c"
         "$compiler" "$vectors" -c "$work/vectors.c" -o "$work/vectors.o" 2> /dev/null || continue
         for real in '' -DSPHPA_FLOAT; do
+            way=$((way + 1))
+            turn $way $((compilers_n > 1 ? 2 : 1)) || continue
             object "$compiler $language -O2 $vectors $real, all" "$compiler" "$language" "-O2 $vectors $real $everything"
         done
     done
+    i=0
     for section in $all; do # what somebody drops into another program: one section, static
+        i=$((i + 1))
+        [ "$compilers_n" = 4 ] && [ $((i % 2)) != $((compiler_i / 2)) ] && continue # gcc's or clang's, in C and C++
         [ "$section" = "$outside" ] && [ -z "$has_hdf5" ] && continue
         alone "$compiler $language static, $section alone" "$compiler" "$language" "-O0 -DSPHPA_STATIC -DSPHPA_$(capitals "$section")_IMPLEMENTATION"
     done

@@ -17,6 +17,13 @@ static inline void near_fail_(const char *what, double a, double b, double bound
     _fail(file, line);
 }
 
+/* with SPHPA_TEST_SMALL: fewer cases of the long tests, for where a run takes ten times as long */
+#ifdef SPHPA_TEST_SMALL
+enum { SMALL = 1 };
+#else
+enum { SMALL = 0 };
+#endif
+
 /* |a - b| <= rel max(|a|, |b|); NaN never passes */
 static inline void near_rel_(const char *what, double a, double b, double rel, const char *file,
                              int line) {

@@ -624,7 +624,7 @@ static void uniform_gas_stays_uniform(void **state) {
             if (kind == 4 || kind == 5) w->edges.edge_low[1] = w->edges.edge_high[1] = SPHPA_EDGE_WALL;
             world_start(w);
             double mass = sphpa_sim_totals(&w->sim).mass, dv, drho;
-            const double t_end = kind % 2 ? (dim == 3 ? 0.6 : 1.2) : 0.5;
+            const double t_end = (kind % 2 ? (dim == 3 ? 0.6 : 1.2) : 0.5) * (SMALL ? 0.5 : 1.0);
             world_until(w, t_end);
             unlike(&w->sim.p, v, &dv, &drho);
             if (!(fmax(dv, drho) < FINE(5e-14, 2e-5)))

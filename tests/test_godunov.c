@@ -719,6 +719,7 @@ static void momentum_and_energy_are_conserved(void **state) {
     for (int dim = 1; dim <= 3; dim++)
         for (int rk2 = 0; rk2 < 2; rk2++)
             for (int variant = 0; variant < 9; variant++) {
+                if (SMALL && (dim + rk2 + variant) % 2) continue;
                 if (dim == 3 && variant > 1 && variant < 6) continue;
                 static const scheme_kind kinds[9] = {GSPH, GSPH, GSPH, GSPH, GSPH,
                                                      GSPH, ADKE, MPM,  GSPH};
@@ -899,7 +900,7 @@ static void every_riemann_solver_and_slope_has_its_error(void **state) {
     static const double solver[4] = {0.0030, 0.0030, 0.0030, 0.0030};
     static const double slopes[4] = {0.0030, 0.0039, 0.0043, 0.0090};
     (void)state;
-    for (int k = 0; k < 8; k++) {
+    for (int k = 0; k < 8; k += SMALL ? 2 : 1) {
         double error[3], bound = k < 4 ? solver[k] : slopes[k - 4];
         gas_scene *g = tube(GSPH, &sod_l, &sod_r, 320, 40, 1.5);
         g->params.riemann = k < 4 ? k : 0;
@@ -1011,9 +1012,9 @@ static void charge(double P, int steps) {
 
 static void charges_of_every_strength_go_off(void **state) {
     (void)state;
-    charge(1.0, 80);
+    charge(1.0, SMALL ? 40 : 80);
     charge(1e-5, 80);
-    charge(102e3, 80);
+    if (!SMALL) charge(102e3, 80);
 }
 
 /* ---- bits and errors ------------------------------------------------------------------------- */

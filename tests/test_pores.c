@@ -22,12 +22,6 @@
 
 #include "near.h"
 
-#ifdef SPHPA_TEST_SMALL
-enum { SMALL = 1 };
-#else
-enum { SMALL = 0 };
-#endif
-
 static void ok(sphpa_result result, const sphpa_error *err) {
     if (result != SPHPA_OK) fail_msg("%s", err->message);
 }
@@ -344,7 +338,7 @@ static void check_convergence(int material, double v, double b, long coarse, lon
 static void test_piston_converges(void **state) {
     (void)state;
     check_convergence(ALUMINIUM, 458.0, 0.0, 100, 400);
-    check_convergence(PUMICE, 300.0, 3.0, 200, 400);
+    if (!SMALL) check_convergence(PUMICE, 300.0, 3.0, 200, 400);
 }
 
 /* a piston too slow to crush anything: HERRMANN's wave goes at c_e, FLAT's at the matrix's speed */
