@@ -2440,17 +2440,19 @@ SPHPA_DEF sphpa_grid_sums sphpa_grid_totals(const sphpa_grid *grid);
      (2) flagged are cells where a neighbour differs too much, before or after (1): |q(i+1) - q(i-1)|/2
          >= threshold (|q| + floor), q = rho, P; active those within `active` cells of a flagged one,
          and gaps between such no wider than a buffer (than two where particles do not merge: new ones
-         beside what is pressed together are a seam that stays), but (unless threshold = 0) none
+         beside what is pressed together are a seam that stays; an even number of cells), but (unless
+         threshold = 0) none
          within `buffer` cells of an outflow edge; buffer those within `buffer` of an active one
      (3) particles elsewhere are removed; cells that are new get a lattice whose phase is that of the
-         nearest particle (where there is none: of the mesh, as if it moved with the gas), with
+         nearest particle (where there is none at all: of the mesh), with
          exactly the mass, momentum and energy of the cell; buffer cells are filled up where the flow
          left room; a particle that holds more than 2/beta^2 of its cell's mass, for it expanded or
-         came as one of few heavy ones among light ones, becomes four; two of a cell that are each
-         other's nearest and hold together no more than merge/beta^2 of it become one, with their
-         mass, momentum, energy and middle: behind a shock as many do as it has pressed together
+         came as one of few heavy ones among light ones, becomes four; two of an active cell that are
+         each other's nearest and hold together no more than merge/beta^2 of it, by its density and by
+         their own, become one, with their mass, momentum, energy and middle: behind a shock as many
+         do as it has pressed together
      (4) ghosts get rho, v, P of the mesh at t and at t + dt where they then are, bilinear in space,
-         linear in time in between
+         linear in time in between, and its slopes at t
      (5) particles go to t + dt by steps of their own
      (6) active cells take what the particles hold: with weights w_ic that are linear in the distance,
          of at least a cell's width and sum_c w_ic = 1, D_c = sum_i w_ic m_i (1, v_i, u_i + v_i^2/2)
@@ -2495,11 +2497,12 @@ typedef struct sphpa_hybrid_options {
     int flag_by;                /* one of the above */
     int beta;                   /* [1] particles along a cell's edge; 0 means 4 */
     int active;                 /* [cells] of (2); 0 means 1, negative none */
-    int buffer;                 /* [cells] of (2); 0: what `reach` needs, see sphpa_hybrid_create */
+    int buffer;                 /* [cells] of (2); 0: what `reach` needs, see sphpa_hybrid_create; with
+                                   fewer densities beside it are off, by per cents with half of it */
     double eta;                 /* [1] h = eta (m/rho)^(1/2) of new particles and ghosts; 0: 1.5 */
     double reach;               /* [1] supports that a particle's sums reach: a pilot's C; 0 means 1 */
     double mass_max;            /* [kg] of a particle: heavier ones that sphpa_hybrid_fill makes become
-                                   four, 16, .. on a finer lattice, none becomes so by (3); 0: no limit */
+                                   four, 16, .. on a finer lattice, none is merged to more; 0: no limit */
     double merge;               /* [1] of (3): two that stand for no more than so much of a new one's
                                    area become one; 0 means 1 (none with threshold = 0, which is SPH
                                    alone), negative: none do. At most 1: what has just parted must not */
@@ -18315,8 +18318,6 @@ struct sphpa_hybrid_work {
     const sphpa_hybrid *hybrid;
     double *old[4];             /* (n) the mesh at the step's start */
     double *deposit[4];         /* (n) D_c */
-    double *drift[2];           /* (n) [m] how far gas in a cell went since the start, modulo a place of
-                                   the lattice */
     double *weight[4];          /* (n) of the faces to an active region, by quantity */
     int32_t *component;         /* (n) which active region a cell is of, -1: none */
     int32_t *queue;             /* (n) */
@@ -18326,6 +18327,7 @@ struct sphpa_hybrid_work {
     unsigned char *keep;
     size_t item_capacity, keep_capacity;
     double start;               /* [s] of the step under way: ghosts' rho is of then */
+    double gamma;               /* [1] of the particles' equation of state: P/(rho u) + 1 of one */
 };
 
 /* ---- cells ----------------------------------------------------------------------------------- */
@@ -18470,7 +18472,7 @@ SPHPA_PRIVATE_ void sphpa_hybrid_dilate_(const sphpa_grid *grid, const unsigned 
     sphpa_hybrid_spread_(grid, spare, 1, width, next);
 }
 
-/* gaps between cells with cell[c] != 0 that are narrower than twice `width` are filled; spare: (2 n) */
+/* gaps between cells with cell[c] != 0 that are no wider than twice `width` are filled; spare: (2 n) */
 SPHPA_PRIVATE_ void sphpa_hybrid_close_(const sphpa_grid *grid, int width, unsigned char *cell,
                                         unsigned char *spare) {
     sphpa_hybrid_dilate_(grid, cell, width, spare, spare + grid->n);
@@ -18586,12 +18588,12 @@ SPHPA_PRIVATE_ double sphpa_hybrid_phase_of_(const sphpa_hybrid *h, int a, doubl
     return fabs(phase) < 1e-9 * d ? 0.0 : phase;
 }
 
-/* cells next to those in queue[0 .. end), and so on, get their phase; returns how many there are then */
-SPHPA_PRIVATE_ size_t sphpa_hybrid_spread_phase_(sphpa_hybrid *h, double *const phase[2],
-                                                 size_t done, size_t end) {
+/* cells next to those in queue[0 .. end), and so on, get their phase */
+SPHPA_PRIVATE_ void sphpa_hybrid_spread_phase_(sphpa_hybrid *h, double *const phase[2],
+                                               size_t end) {
     const sphpa_grid *grid = &h->grid;
     struct sphpa_hybrid_work *work = h->work;
-    for (; done < end; done++) {
+    for (size_t done = 0; done < end; done++) {
         size_t c = (size_t)work->queue[done], i = 0, j = 0;
         for (int k = 0; k < 9; k++) {
             if (!sphpa_hybrid_shift_(grid, 0, (long)(c % grid->nx), k % 3 - 1, &i) ||
@@ -18605,12 +18607,10 @@ SPHPA_PRIVATE_ size_t sphpa_hybrid_spread_phase_(sphpa_hybrid *h, double *const 
             work->queue[end++] = (int32_t)other;
         }
     }
-    return end;
 }
 
-/* phase[a][c] of the lattice in each covered cell: of the particle that is nearest to its middle; of
-   a cell next to it where it has none, and so on; else that of the mesh's lattice, had it moved with
-   the gas (so that regions which appear at different times fit each other in uniform flow) */
+/* phase[a][c] of the lattice in each cell: of the particle that is nearest to its middle; of a cell
+   next to it where it has none, and so on; where there are no particles at all the mesh's own */
 SPHPA_PRIVATE_ void sphpa_hybrid_phases_(sphpa_hybrid *h, double *const phase[2]) {
     const sphpa_grid *grid = &h->grid;
     struct sphpa_hybrid_work *work = h->work;
@@ -18618,6 +18618,7 @@ SPHPA_PRIVATE_ void sphpa_hybrid_phases_(sphpa_hybrid *h, double *const phase[2]
     for (size_t c = 0; c < grid->n; c++) {
         double best = HUGE_VAL, mid[2];
         work->component[c] = -1; /* no phase yet */
+        phase[0][c] = phase[1][c] = 0.0;
         mid[0] = grid->options.low[0] + ((double)(c % grid->nx) + 0.5) * grid->dx[0];
         mid[1] = grid->options.low[1] + ((double)(c / grid->nx) + 0.5) * grid->dx[1];
         for (uint32_t k = 0; k < work->count[c]; k++) {
@@ -18629,31 +18630,7 @@ SPHPA_PRIVATE_ void sphpa_hybrid_phases_(sphpa_hybrid *h, double *const phase[2]
         }
         if (work->count[c] > 0) work->component[c] = 0, work->queue[end++] = (int32_t)c;
     }
-    end = sphpa_hybrid_spread_phase_(h, phase, 0, end);
-    for (size_t c = 0; c < grid->n; c++) {
-        if (work->component[c] >= 0 || sphpa_hybrid_kind_(h->cell[c]) == SPHPA_HYBRID_MESH) continue;
-        for (int a = 0; a < 2; a++) {
-            double first = grid->options.low[a] + 0.5 * grid->dx[a] / h->options.beta;
-            phase[a][c] = sphpa_hybrid_phase_of_(h, a, first + work->drift[a][c]);
-        }
-        work->component[c] = 0;
-        work->queue[end] = (int32_t)c;
-        end = sphpa_hybrid_spread_phase_(h, phase, end, end + 1);
-    }
-}
-
-/* how far gas went in a step, modulo a place of the lattice */
-SPHPA_PRIVATE_ void sphpa_hybrid_drift_(sphpa_hybrid *h) {
-    const sphpa_grid *grid = &h->grid;
-    double *const now[4] = {grid->rho, grid->mx, grid->my, grid->E};
-    for (size_t c = 0; c < grid->n; c++)
-        for (int a = 0; a < 2; a++) {
-            double d = grid->dx[a] / h->options.beta, *drift = &h->work->drift[a][c];
-            double v = 0.5 * (now[1 + a][c] / now[0][c] + h->work->old[1 + a][c] /
-                                                              h->work->old[0][c]);
-            *drift += grid->dt * v;
-            *drift -= d * floor(*drift / d + 0.5);
-        }
+    sphpa_hybrid_spread_phase_(h, phase, end);
 }
 
 /* the share of the area about (dx, dy) that a particle of that volume [m2] there takes up: its volume
@@ -18792,6 +18769,11 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_part_(sphpa_hybrid *h, size_t *born, sp
         double off = 0.25 * sqrt(size2), dv[4][2], heat = 0.0;
         size_t first = 0, at[4];
         if (!(size2 > most)) continue;
+        for (int a = 0; a < 2; a++) { /* all four stay inside */
+            double x = p->x[3 * i + (size_t)a], low = h->grid.options.low[a];
+            if (sphpa_hybrid_wraps_(&h->grid, a)) continue;
+            off = sphpa_min_(off, 0.5 * sphpa_min_(x - low, h->grid.options.high[a] - x));
+        }
         sphpa_result result = sphpa_particles_add(p, 3, &first, err);
         if (result != SPHPA_OK) return result;
         for (int k = 0; k < 4; k++) {
@@ -18839,20 +18821,26 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_sift_(sphpa_hybrid *h, size_t *removed,
     return SPHPA_OK;
 }
 
-/* the nearest of a cell's particles that i may merge with: of its kind, both together no larger than
+/* [m2] the same for merging: beside a contact the cell's density is a mean of both sides */
+SPHPA_PRIVATE_ double sphpa_hybrid_larger_(const sphpa_hybrid *h, size_t i) {
+    return sphpa_max_(sphpa_hybrid_area_(h, i), (double)h->sim.p.m[i] / h->sim.p.rho[i]);
+}
+
+/* the nearest of an active cell's particles that i may merge with: both together no larger than
    options.merge says and no heavier than mass_max; SIZE_MAX: none */
 SPHPA_PRIVATE_ size_t sphpa_hybrid_mate_(const sphpa_hybrid *h, size_t cell, size_t i) {
     const struct sphpa_hybrid_work *work = h->work;
     const sphpa_particles *p = &h->sim.p;
     double share = h->options.merge / ((double)h->options.beta * (double)h->options.beta);
-    double own = sphpa_hybrid_area_(h, i), most = share * h->grid.dx[0] * h->grid.dx[1];
-    double heaviest = h->options.mass_max > 0.0 ? h->options.mass_max : HUGE_VAL, best = HUGE_VAL;
+    double own = sphpa_hybrid_larger_(h, i), most = share * h->grid.dx[0] * h->grid.dx[1];
+    double heaviest = h->options.mass_max > 0.0 ? h->options.mass_max : HUGE_VAL;
+    double best = h->grid.dx[0] * h->grid.dx[0] + h->grid.dx[1] * h->grid.dx[1]; /* in one cell */
     size_t mate = SIZE_MAX;
     for (uint32_t k = 0; k < work->count[cell] && own < most; k++) {
         size_t j = work->item[work->first[cell] + k];
         double dx = p->x[3 * i] - p->x[3 * j], dy = p->x[3 * i + 1] - p->x[3 * j + 1];
-        if (j == i || !work->keep[j] || p->ghost[j] != p->ghost[i]) continue;
-        if (dx * dx + dy * dy >= best || own + sphpa_hybrid_area_(h, j) > most) continue;
+        if (j == i || !work->keep[j]) continue;
+        if (dx * dx + dy * dy >= best || own + sphpa_hybrid_larger_(h, j) > most) continue;
         if ((double)p->m[i] + (double)p->m[j] > heaviest) continue;
         best = dx * dx + dy * dy;
         mate = j;
@@ -18868,9 +18856,11 @@ SPHPA_PRIVATE_ void sphpa_hybrid_join_(sphpa_particles *p, size_t i, size_t j) {
         double dv = (double)p->v[ci] - (double)p->v[cj];
         p->x[ci] = a * p->x[ci] + b * p->x[cj];
         p->v[ci] = (sphpa_real)(a * (double)p->v[ci] + b * (double)p->v[cj]);
+        p->a[ci] = (sphpa_real)(a * (double)p->a[ci] + b * (double)p->a[cj]);
         dv2 += dv * dv;
     }
     p->u[i] = a * p->u[i] + b * p->u[j] + 0.5 * a * b * dv2;
+    p->du[i] = (sphpa_real)(a * (double)p->du[i] + b * (double)p->du[j]);
     p->rho[i] = m / (mi / p->rho[i] + mj / p->rho[j]);
     p->h[i] = (sphpa_real)sqrt((double)p->h[i] * (double)p->h[i] + (double)p->h[j] * (double)p->h[j]);
     p->m[i] = (sphpa_real)m;
@@ -18884,6 +18874,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_merge_(sphpa_hybrid *h, size_t *merged,
     for (size_t c = 0; c < h->grid.n; c++)
         for (uint32_t k = 0; k < work->count[c]; k++) {
             size_t i = work->item[work->first[c] + k], j;
+            if (sphpa_hybrid_kind_(h->cell[c]) != SPHPA_HYBRID_ACTIVE) break;
             if (!work->keep[i] || (j = sphpa_hybrid_mate_(h, c, i)) == SIZE_MAX || j < i) continue;
             if (sphpa_hybrid_mate_(h, c, j) != i) continue;
             sphpa_hybrid_join_(&h->sim.p, i, j);
@@ -19057,6 +19048,28 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_populate_(sphpa_hybrid *h, sphpa_error 
 /* what a ghost keeps: rho at the step's start and its rate, dv/dt, du/dt */
 enum { SPHPA_HYBRID_KEPT_ = 5 };
 
+/* [per m] the smaller of both differences, where they have one sign: beside a jump there is no slope */
+SPHPA_PRIVATE_ sphpa_real sphpa_hybrid_slope_(double low, double mid, double high, double d) {
+    double a = mid - low, b = high - mid;
+    return (sphpa_real)(a * b > 0.0 ? (fabs(a) < fabs(b) ? a : b) / d : 0.0);
+}
+
+/* slopes of ghost i, where the scheme has any: the mesh's at the step's start */
+SPHPA_PRIVATE_ void sphpa_hybrid_slopes_(sphpa_hybrid *h, size_t i) {
+    sphpa_particles *p = &h->sim.p;
+    if (p->grad_rho == NULL || p->grad_P == NULL || p->L == NULL) return;
+    for (size_t a = 0; a < 2; a++) {
+        sphpa_grid_state s[3];
+        double d = h->grid.dx[a], x[2] = {p->x[3 * i], p->x[3 * i + 1]};
+        x[a] -= d;
+        for (int k = 0; k < 3; k++, x[a] += d) s[k] = sphpa_hybrid_between_(&h->grid, h->work->old, x);
+        p->grad_rho[3 * i + a] = sphpa_hybrid_slope_(s[0].rho, s[1].rho, s[2].rho, d);
+        p->grad_P[3 * i + a] = sphpa_hybrid_slope_(s[0].P, s[1].P, s[2].P, d);
+        for (size_t k = 0; k < 2; k++)
+            p->L[9 * i + 3 * k + a] = sphpa_hybrid_slope_(s[0].v[k], s[1].v[k], s[2].v[k], d);
+    }
+}
+
 SPHPA_PRIVATE_ void sphpa_hybrid_drive_(sphpa_hybrid *h, double dt) {
     sphpa_particles *p = &h->sim.p;
     double *kept = sphpa_particles_column(p, "HybridGhosts");
@@ -19075,6 +19088,7 @@ SPHPA_PRIVATE_ void sphpa_hybrid_drive_(sphpa_hybrid *h, double dt) {
         p->u[i] = course.u;
         p->du[i] = (sphpa_real)own[4];
         p->h[i] = (sphpa_real)(h->options.eta * sqrt((double)p->m[i] / p->rho[i]));
+        sphpa_hybrid_slopes_(h, (size_t)i);
     }
 }
 
@@ -19102,11 +19116,15 @@ SPHPA_PRIVATE_ void sphpa_hybrid_ghosts_(sphpa_sim *sim, void *params, sphpa_mas
     }
 }
 
-/* its only pass: names what ghosts have, after their density was summed */
+/* its only pass: names what ghosts have, which sphpa_hybrid_ghosts_ gives after every pass; and looks
+   whose gas it is */
 SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_pass_(sphpa_sim *sim, void *params, size_t first,
                                                size_t last, size_t *bad) {
-    (void)sim, (void)params, (void)first, (void)last, (void)bad;
-    return SPHPA_OK; /* sphpa_hybrid_ghosts_ follows every pass */
+    struct sphpa_hybrid_work *work = (struct sphpa_hybrid_work *)params;
+    const sphpa_particles *p = &sim->p;
+    (void)last, (void)bad;
+    if (first == 0 && p->u[0] > 0.0) work->gamma = 1.0 + (double)p->P[0] / (p->rho[0] * p->u[0]);
+    return SPHPA_OK;
 }
 
 SPHPA_PRIVATE_ sphpa_module sphpa_hybrid_module_(struct sphpa_hybrid_work *work) {
@@ -19119,7 +19137,8 @@ SPHPA_PRIVATE_ sphpa_module sphpa_hybrid_module_(struct sphpa_hybrid_work *work)
     snprintf(module.column[0].name, sizeof module.column[0].name, "HybridGhosts");
     module.column[0].components = SPHPA_HYBRID_KEPT_;
     module.column[0].role = SPHPA_ROLE_DERIVED;
-    sphpa_module_pass_(&module, "hybrid ghosts", SPHPA_STAGE_GRADIENTS, SPHPA_F(ghost),
+    sphpa_module_pass_(&module, "hybrid ghosts", SPHPA_STAGE_FORCES,
+                       SPHPA_F(ghost) | SPHPA_F(rho) | SPHPA_F(u) | SPHPA_F(P),
                        SPHPA_F(ghost) | SPHPA_F(parent))
         ->particle = sphpa_hybrid_pass_;
     return module;
@@ -19471,12 +19490,16 @@ SPHPA_DEF sphpa_result sphpa_hybrid_step(sphpa_hybrid *hybrid, double dt_limit, 
     if (result != SPHPA_OK) return result;
     sphpa_hybrid_regions_(hybrid);
     if (hybrid->running || hybrid->stats.cells > 0) result = sphpa_hybrid_populate_(hybrid, err);
-    sphpa_hybrid_drift_(hybrid);
     hybrid->stats.steps++;
     if (result != SPHPA_OK || !hybrid->running) return result;
     sphpa_hybrid_drive_(hybrid, hybrid->grid.dt);
     result = sphpa_hybrid_subcycle_(hybrid, hybrid->grid.time, err);
     if (result != SPHPA_OK) return result;
+    double gamma = hybrid->grid.options.gamma, other = hybrid->work->gamma;
+    if (other > 0.0 && fabs(other - gamma) > 1e-4 * (gamma - 1.0))
+        return sphpa_error_set(err, SPHPA_ERROR_RANGE, "hybrid: gamma is %g of the mesh and %g of the "
+                               "particles; set grid.gamma to that of their equation of state", gamma,
+                               other);
     if (hybrid->options.published) sphpa_hybrid_publish_(hybrid);
     else sphpa_hybrid_give_(hybrid);
     return SPHPA_OK;
@@ -19543,6 +19566,11 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_defaults_(sphpa_hybrid_options *o, sphp
         return sphpa_error_set(err, SPHPA_ERROR_RANGE, "hybrid: a mesh of %zu x %zu cells%s; it "
                                "needs two or more each way", o->grid.nx, o->grid.ny,
                                o->grid.radial ? ", radial" : "");
+    double dx = (o->grid.high[0] - o->grid.low[0]) / (double)o->grid.nx;
+    double dy = (o->grid.high[1] - o->grid.low[1]) / (double)o->grid.ny;
+    if (dx > 0.0 && dy > 0.0 && !(fabs(dx - dy) <= 1e-6 * dx))
+        return sphpa_error_set(err, SPHPA_ERROR_RANGE, "hybrid: cells of %g m by %g m; particles "
+                               "need square ones", dx, dy);
     if (o->beta < 0 || o->beta > 64 || o->buffer < 0 || o->buffer > 1000 || o->active > 1000 ||
         o->flag_by < 0 || o->flag_by > SPHPA_HYBRID_BY_DENSITY)
         return sphpa_error_set(err, SPHPA_ERROR_RANGE, "hybrid: beta = %d (1 to 64), active = %d, "
@@ -19615,11 +19643,6 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_allocate_(sphpa_hybrid *h, sphpa_error 
         work->weight[q] = (double *)sphpa_alloc_(n, sizeof(double));
         good = work->old[q] != NULL && work->deposit[q] != NULL && work->weight[q] != NULL;
     }
-    for (int a = 0; a < 2 && good; a++) {
-        work->drift[a] = (double *)sphpa_alloc_(n, sizeof(double));
-        good = work->drift[a] != NULL;
-        if (good) memset(work->drift[a], 0, n * sizeof(double));
-    }
     if (good) {
         work->component = (int32_t *)sphpa_alloc_(n, sizeof(int32_t));
         work->queue = (int32_t *)sphpa_alloc_(n, sizeof(int32_t));
@@ -19662,8 +19685,6 @@ SPHPA_DEF void sphpa_hybrid_free(sphpa_hybrid *hybrid) {
         SPHPA_FREE(work->weight[q]);
     }
     if (work != NULL) {
-        SPHPA_FREE(work->drift[0]);
-        SPHPA_FREE(work->drift[1]);
         SPHPA_FREE(work->component);
         SPHPA_FREE(work->queue);
         SPHPA_FREE(work->flag);
@@ -19750,8 +19771,8 @@ SPHPA_DEF sphpa_result sphpa_hybrid_fill(sphpa_hybrid *hybrid, sphpa_grid_functi
     double *const now[4] = {grid->rho, grid->mx, grid->my, grid->E};
     for (int q = 0; q < 4; q++) memcpy(work->old[q], now[q], grid->n * sizeof(double));
     if (hybrid->running) sphpa_sim_free(&hybrid->sim);
-    for (int a = 0; a < 2; a++) memset(work->drift[a], 0, grid->n * sizeof(double));
     hybrid->running = 0;
+    memset(&hybrid->stats, 0, sizeof hybrid->stats);
     work->start = grid->time;
     memset(hybrid->cell, 0, grid->n);
     sphpa_hybrid_regions_(hybrid);

@@ -926,6 +926,8 @@ static void merging_keeps_sums(void **state) {
         size_t n = own_sums(&r, before), left;
         assert_int_equal(merge_all(&r), 0); /* as they are */
         for (size_t c = 0; c < r.h.grid.n; c++) r.h.work->old[0][c] *= 4.5;
+        assert_int_equal(merge_all(&r), 0); /* by their own density they are not pressed */
+        for (size_t i = 0; i < p->n; i++) p->rho[i] *= 4.5;
         for (size_t i = 0; i < p->n; i++) heaviest = fmax(heaviest, (double)p->m[i]);
         r.h.options.mass_max = 0.99 * heaviest;
         assert_int_equal(merge_all(&r), 0); /* lighter than 0.7 of the heaviest none is */
@@ -1065,6 +1067,120 @@ static void ghosts_follow_the_mesh(void **state) {
     }
     assert_true(seen > 100);
     sphpa_hybrid_free(h);
+}
+
+/* rho, v and P linear in x and y, but for rho v^2/2 in its cells' means */
+static void linear_at(const double x[2], void *user, sphpa_grid_state *out) {
+    (void)user;
+    out->rho = 2.0 + 0.02 * (x[0] - 8.0) - 0.03 * (x[1] - 8.0);
+    out->v[0] = 0.01 * (x[0] - 8.0) + 0.02 * (x[1] - 8.0);
+    out->v[1] = -0.015 * (x[0] - 8.0) + 0.005 * (x[1] - 8.0);
+    out->P = 1.0 - 0.04 * (x[0] - 8.0) + 0.01 * (x[1] - 8.0);
+}
+
+/* Ghosts have the slopes of the mesh, so an active particle beside them feels what it would feel among
+   active ones; and new ones, active at once, start with rates that are those of the gas. */
+static void slopes_and_rates_are_the_gas(void **state) {
+    (void)state;
+    static rig r;
+    for (int late = 0; late < 2; late++) {
+        prepare(&r, 24, 16, SPHPA_GRID_REFLECTING);
+        r.pattern = late ? NONE : BLOCK;
+        r.god.by_number = 1;
+        r.o.sim.kernel = SPHPA_KERNEL_GAUSSIAN;
+        start(&r, linear_at, NULL, 1);
+        sphpa_hybrid *h = &r.h;
+        sphpa_error err;
+        size_t seen[2] = {0, 0};
+        must(sphpa_hybrid_mesh_(h, 1e-3, &err), &err);
+        r.pattern = BLOCK;
+        sphpa_hybrid_regions_(h);
+        if (late) { /* one exists, and a larger one is wanted with no buffer before */
+            must(sphpa_hybrid_populate_(h, &err), &err);
+            for (size_t c = 0; c < h->grid.n; c++)
+                if (c % 24 == 4 && c / 24 > 4 && c / 24 < 11) h->cell[c] = SPHPA_HYBRID_ACTIVE;
+            for (size_t c = 0; c < h->grid.n; c++) h->work->flag[c] = c % 24 == 4 ? 0 : h->cell[c];
+            must(sphpa_hybrid_populate_(h, &err), &err);
+        }
+        sphpa_hybrid_drive_(h, h->grid.dt);
+        const sphpa_particles *p = &h->sim.p;
+        for (size_t i = 0; i < p->n; i++) {
+            sphpa_grid_state at;
+            linear_at(p->x + 3 * i, NULL, &at);
+            const double a[2] = {0.04 / at.rho, -0.01 / at.rho}, near = 0.02 * 0.04 / 2.0;
+            if (late && p->ghost[i] == 0 && p->x[3 * i] > 4.0 && p->x[3 * i] < 5.0) {
+                for (size_t k = 0; k < 2; k++)
+                    assert_near_abs((double)p->a[3 * i + k], a[k], 10.0 * near);
+                /* du/dt = -P div v/rho */
+                assert_near((double)p->du[i], -at.P * 0.015 / at.rho, 0.15);
+                seen[0]++;
+            }
+            if (p->ghost[i] != 1 || fabs(p->x[3 * i + 1] - 8.0) > 6.4) continue; /* walls end slopes */
+            assert_near_abs((double)p->grad_P[3 * i], -0.04, 1e-3);
+            assert_near_abs((double)p->grad_P[3 * i + 1], 0.01, 1e-3);
+            assert_near_abs((double)p->grad_rho[3 * i], 0.02, 1e-5);
+            assert_near_abs((double)p->grad_rho[3 * i + 1], -0.03, 1e-5);
+            assert_near_abs((double)p->L[9 * i + 1], 0.02, 1e-3);
+            assert_near_abs((double)p->L[9 * i + 3], -0.015, 1e-3);
+            seen[1]++;
+        }
+        assert_true(seen[1] > 100 && (!late || seen[0] > 20));
+        sphpa_hybrid_free(h);
+    }
+}
+
+/* gas at rest, eight times as dense on one side of a line through the region: particles do not merge
+   where nothing was pressed, and little stirs */
+static void dense_at(const double x[2], void *user, sphpa_grid_state *out) {
+    (void)user;
+    memset(out, 0, sizeof *out);
+    out->rho = x[0] < 8.0 ? 8.0 : 1.0;
+    out->P = 1.0;
+}
+
+static void contacts_at_rest_do_not_merge(void **state) {
+    (void)state;
+    static rig r;
+    double fastest[2] = {0.0, 0.0};
+    for (int merge = 0; merge < 2; merge++) {
+        prepare(&r, 16, 16, SPHPA_GRID_PERIODIC);
+        r.pattern = BLOCK;
+        r.god.by_number = 1;
+        r.god.g1 = r.god.g2 = 0.0; /* heat that is conducted would stir it */
+        r.o.sim.kernel = SPHPA_KERNEL_GAUSSIAN;
+        r.o.merge = merge ? 1.0 : -1.0;
+        start(&r, dense_at, NULL, 1);
+        for (int k = 0; k < 40; k++) step(&r, HUGE_VAL);
+        for (size_t i = 0; i < r.h.sim.p.n; i++)
+            fastest[merge] = fmax(fastest[merge], hypot((double)r.h.sim.p.v[3 * i],
+                                                        (double)r.h.sim.p.v[3 * i + 1]));
+        assert_int_equal(r.h.stats.merged, 0);
+        sphpa_hybrid_free(&r.h);
+    }
+    assert_true(fastest[0] < 0.01); /* of 0.42, the slower sound: measured 0.0072 */
+    assert_true(fastest[1] == fastest[0]);
+}
+
+/* one of double size beside a wall parts into four inside */
+static void parting_beside_walls(void **state) {
+    (void)state;
+    static rig r;
+    sphpa_error err;
+    start_full(&r, 8, SPHPA_GRID_REFLECTING, 2);
+    sphpa_particles *p = &r.h.sim.p;
+    size_t i = 0, born = 0, n = p->n;
+    while (p->ghost[i] != 0 || p->x[3 * i] > 0.5 || p->x[3 * i + 1] > 0.5) i++;
+    p->x[3 * i] = 0.02;
+    p->m[i] *= SPHPA_R(8.0);
+    double m = (double)p->m[i];
+    must(sphpa_hybrid_part_(&r.h, &born, &err), &err);
+    assert_int_equal(born, 3);
+    for (size_t k = 0; k < 4; k++) {
+        const double *x = p->x + 3 * (k == 0 ? i : n + k - 1);
+        assert_true(x[0] > 0.0 && x[0] < 0.5 && x[1] > 0.0);
+        assert_near((double)p->m[k == 0 ? i : n + k - 1], 0.25 * m, 1e-6);
+    }
+    sphpa_hybrid_free(&r.h);
 }
 
 /* 1, 2 and 4 threads: the same bits of mesh and particles */
@@ -1428,6 +1544,7 @@ static void create_refuses(void **state) {
     fresh(&r), r.o.grid.radial = 1, refuses(&r, SPHPA_ERROR_RANGE, "radial");
     fresh(&r), r.o.grid.gamma = 0.9, refuses(&r, SPHPA_ERROR_RANGE, "gamma");
     fresh(&r), r.o.grid.high[0] = -1.0, refuses(&r, SPHPA_ERROR_RANGE, "axis 0");
+    fresh(&r), r.o.grid.high[0] = 9.0, refuses(&r, SPHPA_ERROR_RANGE, "square");
     fresh(&r), r.o.grid.edge_low[1] = 7, refuses(&r, SPHPA_ERROR_RANGE, "edges 7");
     fresh(&r), r.o.sim.kernel = (sphpa_kernel)99, refuses(&r, SPHPA_ERROR_UNKNOWN, "kernel");
     fresh(&r), r.o.beta = 1, refuses(&r, SPHPA_ERROR_RANGE, "periodic box of 8");
@@ -1448,6 +1565,12 @@ static void steps_refuse(void **state) {
     sphpa_error err;
     sphpa_grid_schedule s;
     double v[2] = {0.0, 0.0};
+    prepare(&r, 8, 8, SPHPA_GRID_PERIODIC); /* the mesh's gas is another one */
+    r.ideal.gamma = 5.0 / 3.0;
+    start(&r, uniform_at, v, 1);
+    assert_int_equal(sphpa_hybrid_step(&r.h, HUGE_VAL, &err), SPHPA_ERROR_RANGE);
+    assert_non_null(strstr(err.message, "gamma is 1.4 of the mesh and 1.66667 of the particles"));
+    sphpa_hybrid_free(&r.h);
     memset(&s, 0, sizeof s);
     prepare(&r, 8, 8, SPHPA_GRID_PERIODIC);
     r.pattern = BLOCK;
@@ -1544,6 +1667,9 @@ int main(void) {
         cmocka_unit_test(heavy_ones_are_finer),
         cmocka_unit_test(signals_stay_in_the_margin),
         cmocka_unit_test(ghosts_follow_the_mesh),
+        cmocka_unit_test(slopes_and_rates_are_the_gas),
+        cmocka_unit_test(contacts_at_rest_do_not_merge),
+        cmocka_unit_test(parting_beside_walls),
         cmocka_unit_test(any_number_of_threads),
         cmocka_unit_test(regions_come_back),
         cmocka_unit_test(little_sound_comes_back),
