@@ -1295,12 +1295,12 @@ static double comes_back(double wide) {
     return most / (0.01 * 2.0 * c0); /* 2c/(gamma - 1) changes by c drho/rho, v by as much */
 }
 
-/* measured: 1.6 % */
+/* measured: 2.8 % */
 static void little_sound_comes_back(void **state) {
     (void)state;
     if (SMALL) skip();
     double back = comes_back(4.0);
-    assert_true(back < 0.035);
+    assert_true(back < 0.0335);
     assert_true(back > 1e-6); /* it came to the particles */
 }
 
@@ -1320,7 +1320,7 @@ static void contacts_pass(void **state) {
         sphpa_hybrid_free(&r.h);
     }
     assert_true(error[0] / 60.0 < 0.02);
-    assert_true(error[1] < 4.0 * error[0]); /* measured: 2.1 */
+    assert_true(error[1] < 2.1 * error[0]); /* measured: 1.75 */
 }
 
 /* Sod's tube with particles in a fixed part that the shock enters and leaves: mean error of rho */
@@ -1368,7 +1368,7 @@ static void shocks_pass(void **state) {
         sphpa_hybrid_free(&r.h);
     }
     assert_true(error[0] < 0.01);
-    assert_true(error[1] < 3.5 * error[0]); /* measured: 1.7 */
+    assert_true(error[1] < 1.9 * error[0]); /* measured: 1.57 */
 }
 
 /* ---- equation (7) ---------------------------------------------------------------------------- */
