@@ -2492,7 +2492,8 @@ typedef struct sphpa_hybrid_options {
     sphpa_grid_options grid;    /* the mesh; two dimensions */
     const sphpa_scene *scene;   /* the particles' modules, such as sphpa_godunov(&god); copied */
     sphpa_sim_options sim;      /* kernel, cfl, ..; box is the mesh's */
-    double threshold;           /* [1] of (2); 0: all cells are flagged; infinity: none is */
+    double threshold;           /* [1] of (2); 0: all cells are flagged, and nothing comes in through
+                                   open edges; infinity: none is */
     double floor_rho, floor_P;  /* [kg/m3] [Pa] of (2) */
     int flag_by;                /* one of the above */
     int beta;                   /* [1] particles along a cell's edge; 0 means 4 */

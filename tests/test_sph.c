@@ -1760,7 +1760,8 @@ static void ghosts_are_passed_over(void **state) {
                 for (size_t i = first; i < end; i++) real += sim->p.ghost[i] == 0 ? 1u : 0u;
                 passed += real == 0 ? end - first : 0;
                 for (size_t i = first; i < end; i++) {
-                    sphpa_real plain = kinds & 1 && real > 0 ? 3 : 0, all = kinds & 2 ? 3 : 0;
+                    bool visited = (kinds & 1) && real > 0 && i < sim->lists.n;
+                    sphpa_real plain = visited ? 3 : 0, all = kinds & 2 ? 3 : 0;
                     assert_true(sim->p.c[i] == plain && sim->p.omega[i] == plain);
                     assert_true(sim->p.div_v[i] == all && sim->p.balsara[i] == all);
                 }
