@@ -1346,8 +1346,8 @@ typedef struct sphpa_tree_lists {
 /* [m] what image 0 to 26 of a particle adds to its position; image 0 is the particle itself. */
 SPHPA_DEF void sphpa_tree_image_shift(const sphpa_box *box, uint32_t image, double shift[3]);
 
-/* Lists for every group of `group` (1, 2, 4, 8 or 16) of the sorted particles [0, active): all, or images of
-   some, with (3) to at least one of the group: the group's own particles are among them, and
+/* Lists for every group of `group` (1, 2, 4, 8 or 16) of the sorted particles [0, active): all, or
+   images of some, with (3) to at least one of the group: the group's own particles are among them, and
    nobody comes twice as the same image. The same lists, in the same order, for any number of
    threads. skin >= 0 [1]. An OpenMP build allocates from several threads at once, so SPHPA_MALLOC
    must allow that. ERROR_MISSING, ERROR_EMPTY (tree), ERROR_NOT_FINITE, ERROR_NEGATIVE (skin),
@@ -2441,8 +2441,8 @@ SPHPA_DEF sphpa_grid_sums sphpa_grid_totals(const sphpa_grid *grid);
          >= threshold (|q| + floor), q = rho, P; active those within `active` cells of a flagged one,
          and gaps between such no wider than a buffer (than two where particles do not merge: new ones
          beside what is pressed together are a seam that stays; an even number of cells), but (unless
-         threshold = 0) none
-         within `buffer` cells of an outflow edge; buffer those within `buffer` of an active one
+         threshold = 0) none within `buffer` cells of an outflow edge; buffer those within `buffer`
+         cells of an active one
      (3) particles elsewhere are removed; cells that are new get a lattice whose phase is that of the
          nearest particle (where there is none at all: of the mesh), with
          exactly the mass, momentum and energy of the cell; buffer cells are filled up where the flow
@@ -2549,7 +2549,8 @@ SPHPA_DEF sphpa_result sphpa_hybrid_fill(sphpa_hybrid *hybrid, sphpa_grid_functi
                                          void *user, int samples, sphpa_error *err);
 
 /* One step (1) to (7) of the mesh, no longer than dt_limit [s] nor than signals of the active region
-   may run without leaving it. Errors of sphpa_grid_step and sphpa_sim_step: the run ends there. */
+   may run without leaving it. Errors of sphpa_grid_step and sphpa_sim_step, ERROR_RANGE where the
+   particles' gamma is not the mesh's: the run ends there. */
 SPHPA_DEF sphpa_result sphpa_hybrid_step(sphpa_hybrid *hybrid, double dt_limit, sphpa_error *err);
 
 /* Steps until t_end, landing on every output time; `grid` in the callbacks is hybrid->grid, user as
@@ -18914,19 +18915,24 @@ SPHPA_PRIVATE_ sphpa_hybrid_course_ sphpa_hybrid_course_of_(const sphpa_hybrid *
     return c;
 }
 
-/* The next step predicts with rates of its start: those of new particles are the mesh's. */
+/* [m/s] not p->c, which new ones do not have yet */
+SPHPA_PRIVATE_ double sphpa_hybrid_sound_(const sphpa_hybrid *h, size_t i) {
+    double gamma = h->grid.options.gamma;
+    return sqrt(gamma * (gamma - 1.0) * sphpa_max_(h->sim.p.u[i], 0.0));
+}
+
+/* The next step predicts with rates of its start: those of new active particles are the mesh's, as
+   those of ghosts are by sphpa_hybrid_drive_. */
 SPHPA_PRIVATE_ void sphpa_hybrid_rates_(sphpa_hybrid *h, const sphpa_hybrid_births_ *births,
                                         size_t first) {
     sphpa_particles *p = &h->sim.p;
-    double gamma = h->grid.options.gamma;
     for (size_t i = first; i < first + births->count; i++) {
+        if (p->ghost[i] != 0) continue;
         sphpa_hybrid_course_ course = sphpa_hybrid_course_of_(h, p->x + 3 * i, h->grid.dt);
-        double c = sqrt(gamma * (gamma - 1.0) * sphpa_max_(p->u[i], 0.0));
+        double limit = h->sim.options.cfl * (double)p->h[i] / (sphpa_hybrid_sound_(h, i) + 1e-300);
         for (size_t a = 0; a < 2; a++) p->a[3 * i + a] = (sphpa_real)course.rate[1 + a];
         p->du[i] = (sphpa_real)course.rate[3];
-        if (p->ghost[i] == 0)
-            h->sim.dt_next = sphpa_min_(h->sim.dt_next,
-                                        h->sim.options.cfl * (double)p->h[i] / (c + 1e-300));
+        h->sim.dt_next = sphpa_min_(h->sim.dt_next, limit);
     }
 }
 
@@ -19452,12 +19458,10 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_subcycle_(sphpa_hybrid *h, double t_end
 SPHPA_PRIVATE_ double sphpa_hybrid_limit_(const sphpa_hybrid *h) {
     const sphpa_particles *p = &h->sim.p;
     double fastest = 0.0, width = sphpa_min_(h->grid.dx[0], h->grid.dx[1]);
-    double gamma = h->grid.options.gamma;
     for (size_t i = 0; h->running && i < p->n; i++) {
         double vx = (double)p->v[3 * i], vy = (double)p->v[3 * i + 1];
-        if (p->ghost[i] != 0) continue; /* c: not p->c, which new ones do not have yet */
-        double c = sqrt(gamma * (gamma - 1.0) * sphpa_max_(p->u[i], 0.0));
-        fastest = sphpa_max_(fastest, sqrt(vx * vx + vy * vy) + c);
+        if (p->ghost[i] != 0) continue;
+        fastest = sphpa_max_(fastest, sqrt(vx * vx + vy * vy) + sphpa_hybrid_sound_(h, i));
     }
     int margin = h->options.active > 0 ? h->options.active : h->options.buffer;
     return fastest > 0.0 ? margin * width / fastest : HUGE_VAL;
