@@ -227,9 +227,23 @@
 #define SPHPA_EXTERN_C_END_
 #endif
 
+/* What is specialised by inlining (pair loops, solvers) is so only where it pays: without optimisation,
+   and under sanitizers, it would make compiling two or three times as long. */
+#if !defined(__OPTIMIZE__) || defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define SPHPA_PLAIN_INLINE_
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(memory_sanitizer) || __has_feature(thread_sanitizer)
+#define SPHPA_PLAIN_INLINE_
+#endif
+#endif
+
 #if defined(__GNUC__) || defined(__clang__)
 #define SPHPA_UNUSED_ __attribute__((unused))
+#ifdef SPHPA_PLAIN_INLINE_
+#define SPHPA_FORCE_INLINE_ static inline __attribute__((unused))
+#else
 #define SPHPA_FORCE_INLINE_ static inline __attribute__((unused, always_inline))
+#endif
 #define SPHPA_NO_INLINE_ static __attribute__((unused, noinline))
 #define SPHPA_PRINTF_(text, first) __attribute__((__format__(__printf__, text, first)))
 #define SPHPA_RESTRICT __restrict__

@@ -1,5 +1,5 @@
 #!/bin/sh
-# check_sanitizers.sh: all tests once with AddressSanitizer and UndefinedBehaviorSanitizer, on two threads;
+# check_sanitizers.sh: all tests once with AddressSanitizer and UndefinedBehaviorSanitizer, on two threads each;
 # those that need no HDF5 once with MemorySanitizer, too, which finds reads of what was never set.
 # SPHPA_VALIDATE_ARRAYS turns on the checks of whole arrays.
 # shellcheck source=tests/lib.sh
@@ -30,12 +30,12 @@ address_and_undefined() {
     has_cmocka "$sanitizing" || { skip "sanitizers" "no cmocka"; return; }
     for kind in address undefined; do must_fail "$sanitizing" "$flags" $kind; done
     say "$sanitizing $flags, tests at their smaller size (SPHPA_TEST_SMALL)"
-    run_tests -DSPHPA_VALIDATE_ARRAYS CC="$sanitizing" CFLAGS="$options $flags" LDFLAGS="$flags"
+    run_tests address -DSPHPA_VALIDATE_ARRAYS CC="$sanitizing" CFLAGS="$options $flags" LDFLAGS="$flags"
 }
 
 # ---- memory that was never set: clang alone looks for it ----
 # What a library sets that was not compiled so counts as unset. cmocka and libm get along with that;
-# HDF5 and OpenMP do not. On one thread each, the programs may run side by side.
+# HDF5 and OpenMP do not.
 memory() {
     flags='-fsanitize=memory -fno-sanitize-recover=all'
     for sanitizing in clang "$CC" ''; do has "$sanitizing" "$flags" && break; done
@@ -43,24 +43,7 @@ memory() {
     has_cmocka "$sanitizing" || { skip "memory sanitizer" "no cmocka"; return; }
     must_fail "$sanitizing" "$flags" memory
     say "$sanitizing $flags, the same without HDF5 and OpenMP"
-    folder=$work/unset
-    mkdir -p "$folder"
-    $MAKE --no-print-directory INNER=1 BUILD="$folder" -j"$JOBS" OPENMP=0 HDF5=0 CC="$sanitizing" \
-        CFLAGS="$options $flags" LDFLAGS="$flags" \
-        EXTRA_CFLAGS='-DSPHPA_TEST_SMALL -DSPHPA_VALIDATE_ARRAYS' tests-build > "$folder/log" 2>&1 || {
-        failed "the tests do not build; see $folder/log"
-        return
-    }
-    printf '%s\n' "$folder"/tests/test_* > "$folder/programs"
-    # shellcheck disable=SC2016 # $1 is the inner shell's
-    xargs -n 1 -P "$JOBS" sh -c '"$1" > "$1.log" 2>&1 || echo "$1"' sh \
-        < "$folder/programs" > "$folder/bad"
-    while read -r program; do
-        failed "see $program.log; its errors:"
-        grep -E -A 6 'WARNING: MemorySanitizer: |^\[  FAILED  ' "$program.log" | head -n 20
-    done < "$folder/bad"
-    all=$(grep -c . "$folder/programs") bad=$(grep -c . "$folder/bad")
-    echo "programs: $((all - bad)) passed, $bad failed"
+    run_tests memory -DSPHPA_VALIDATE_ARRAYS OPENMP=0 HDF5=0 CC="$sanitizing" CFLAGS="$options $flags" LDFLAGS="$flags"
 }
 
 address_and_undefined

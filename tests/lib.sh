@@ -55,17 +55,19 @@ value() { echo "$2" | sed -n "s/^$1 := //p"; } # value NAME "lines"
 sections() { awk -f tests/header.awk "$HEADER" | awk '$1 == "impl" && $2 != "base" { print $2 }'; }
 capitals() { echo "$1" | tr '[:lower:]' '[:upper:]'; }
 
-# run_tests EXTRA_CFLAGS VARIABLE=value..: all tests, built into $work, on two threads;
+# run_tests FOLDER EXTRA_CFLAGS VARIABLE=value..: all tests, built into that folder of $work;
 # SPHPA_TEST_SMALL makes the long ones smaller
 run_tests() {
-    extra="-DSPHPA_TEST_SMALL $1"
-    shift
-    OMP_NUM_THREADS=2 $MAKE --no-print-directory INNER=1 BUILD="$work" -j"$JOBS" \
-        EXTRA_CFLAGS="$extra" "$@" tests-run > "$work/log" 2>&1 || {
-        failed "see $work/log; its errors:"
-        grep -E -B 1 -A 6 '^=+[0-9]+=+ERROR: |runtime error: |^\[  FAILED  |error: ' "$work/log" | head -n 60
+    folder=$work/$1
+    mkdir -p "$folder"
+    extra="-DSPHPA_TEST_SMALL $2"
+    shift 2
+    $MAKE --no-print-directory INNER=1 BUILD="$folder" -j"$JOBS" EXTRA_CFLAGS="$extra" "$@" tests-run \
+        > "$folder/log" 2>&1 || {
+        failed "see $folder/log; its errors:"
+        grep -E -B 1 -A 6 '^=+[0-9]+=+(ERROR|WARNING): |runtime error: |^\[  FAILED  |error: ' "$folder/log" | head -n 60
     }
-    grep -E '^(skipped|programs): ' "$work/log"
+    grep -E '^(skipped|programs): ' "$folder/log"
 }
 
 # global symbols that an object or program defines, one a line (macOS puts an underscore in front)
