@@ -6,5 +6,5 @@
 
 [ -n "$(value CMOCKA_FOUND "$(found_for "$CC")")" ] || { skip "tests in float" "no cmocka"; finish "not run"; }
 say "tests with REAL=float, at their smaller size (SPHPA_TEST_SMALL)"
-run_tests float '' REAL=float CC="$CC"
+run_tests float '' REAL=float CC="$CC" CFLAGS=-O1
 finish "the tests hold in single precision"

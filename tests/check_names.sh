@@ -20,7 +20,7 @@ compile() {
     object=$1
     shift
     # shellcheck disable=SC2086
-    $CC -std=c11 -O1 -fno-pic $everything $hdf5_cflags -I"$include" "$@" -c "$work/all.c" -o "$object" ||
+    $CC -std=c11 -O0 -fno-pic $everything $hdf5_cflags -I"$include" "$@" -c "$work/all.c" -o "$object" ||
         failed "does not compile: $*"
 }
 # tell WHAT: each word on stdin is a failure
