@@ -11,7 +11,7 @@ has() { # has COMPILER FLAGS: does it make a program with this sanitizer that ru
 }
 must_fail() { # must_fail COMPILER FLAGS KIND: the program KIND.c has the error that this sanitizer is for
     # shellcheck disable=SC2086
-    $1 -w $2 "$work/$3.c" -o "$work/$3" && "$work/$3" > /dev/null 2>&1 && failed "$3 sanitizer lets an error pass"
+    $1 -w $2 "$work/$3.c" -o "$work/$3.bad" && "$work/$3.bad" > /dev/null 2>&1 && failed "$3 sanitizer lets an error pass"
 }
 has_cmocka() { [ -n "$(value CMOCKA_FOUND "$(found_for "$1")")" ]; }
 options='-O1 -g1 -fno-omit-frame-pointer'
