@@ -408,7 +408,7 @@ static void forces_do_not_depend_on_how_pairs_are_met(void **state) {
    become so; where they are sorted behind them; and when all come back, whom no list is of. */
 static void ghosts_are_met_and_meet_nobody(void **state) {
     (void)state;
-    for (int way = 0; way < 4; way++) {
+    for (int way = 0; way < 4; way += SMALL ? 3 : 1) {
         gas_scene *g = gas_mess(GSPH, 2, 37, way % 2, 9);
         sphpa_rng rng = sphpa_rng_seed(4, 4);
         g->with_ghosts = true;
@@ -946,7 +946,7 @@ static void a_blast_has_the_right_shock(void **state) {
     static const sphpa_riemann_state l = {1.0, 0.0, 1000.0}, r = {1.0, 0.0, 0.01};
     static const double at_most[2][3] = {{0.042, 0.078, 3.2}, {0.031, 0.084, 2.8}};
     (void)state;
-    for (int sharp = 0; sharp < 2; sharp++) { /* bounds: 1.2 times measured, but for 0.031 */
+    for (int sharp = 0; sharp < (SMALL ? 1 : 2); sharp++) { /* bounds: 1.2 times measured, but for 0.031 */
         double error[3];
         gas_scene *g = tube(GSPH, &l, &r, 200, 200, sharp ? 1.15 : 1.2);
         if (sharp) {

@@ -310,7 +310,7 @@ static double round_trip(const sphpa_grid_options *o, sphpa_grid_function f, int
 static void waves_are_of_second_order(void **state) {
     (void)state;
     for (int slope = 0; slope <= SPHPA_GRID_UNLIMITED; slope++)
-        for (int two = 0; two < (SMALL && slope > 0 ? 1 : 2); two++) {
+        for (int two = 0; two < (SMALL ? 1 : 2); two++) {
             double e[2];
             for (size_t k = 0; k < 2; k++) {
                 sphpa_grid_options o = box((size_t)64 << k, two ? (size_t)64 << k : 1, 0.0, 1.0);
@@ -450,6 +450,7 @@ static void sedov_along_a_radius(void **state) {
 
 static void sedov_in_the_plane(void **state) {
     (void)state;
+    if (SMALL) skip();
     double axis[2], diagonal[2], most[2];
     for (int k = 0; k < 2; k++) {
         charge c = {0.06, 1.0, 0.0, 1.0, 1e-5, 0.0};

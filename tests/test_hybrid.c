@@ -1334,6 +1334,7 @@ static void sod_at(const double x[2], void *user, sphpa_grid_state *out) {
 
 static void shocks_pass(void **state) {
     (void)state;
+    if (SMALL) skip();
     static rig r;
     double error[2];
     sphpa_riemann_state left = {1.0, 0.0, 1.0}, right = {0.125, 0.0, 0.1}, exact;

@@ -377,7 +377,7 @@ static void sweep(int dim) {
     int round = 0;
     for (int kind = 0; kind < KINDS; kind++)
         for (int mask = 0; mask < (1 << dim); mask++)
-            for (int s = 0; s < 3; s++, round++) {
+            for (int s = 0; s < 3; s += SMALL ? 2 : 1, round++) {
                 size_t n = kind != LATTICE ? 200 + (size_t)(round % 5) * 31 : dim == 3 ? 512 : 256;
                 double offset = round % 4 == 3 ? 1024.0 : round % 2 ? -0.5 : 0.0;
                 cloud c = cloud_make(kind, dim, n, mask, scale[s], offset, (uint64_t)round);
@@ -411,7 +411,7 @@ static void test_sweep_3d(void **state) {
 /* several chunks, and a last one that is not full */
 static void test_many(void **state) {
     (void)state;
-    for (int mask = 0; mask < 8; mask += 7) {
+    for (int mask = SMALL ? 7 : 0; mask < 8; mask += 7) {
         cloud c = cloud_make(UNIFORM, 3, 3333, mask, 1.0, 0.0, 77);
         sphpa_tree tree;
         sphpa_tree_lists lists;
