@@ -329,7 +329,7 @@ static void verify_godunov_blasts(verify *v) {
     verify_cells cells;
     verify_cells_run(&cells, v->quick ? 1000 : 3000, 0.038);
     for (int k = 0; k < VERIFY_SCHEMES; k++)
-        verify_blasts_one(v, &verify_schemes[k], &cells, 400);
+        verify_blasts_one(v, &verify_schemes[k], &cells, v->quick ? 200 : 400);
     free(cells.rho);
 }
 
