@@ -227,12 +227,13 @@
 #define SPHPA_EXTERN_C_END_
 #endif
 
-/* What is specialised by inlining (pair loops, solvers) is so only where it pays: without optimisation,
-   and under sanitizers, it would make compiling two or three times as long. */
+/* What is specialised by inlining (pair loops, solvers) is so only where it pays: without optimisation
+   and under sanitizers compiling would take two or three times as long. */
 #if !defined(__OPTIMIZE__) || defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define SPHPA_PLAIN_INLINE_
 #elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(memory_sanitizer) || __has_feature(thread_sanitizer)
+#if __has_feature(address_sanitizer) || __has_feature(memory_sanitizer) || \
+    __has_feature(thread_sanitizer)
 #define SPHPA_PLAIN_INLINE_
 #endif
 #endif
@@ -1244,10 +1245,10 @@ SPHPA_DEF sphpa_result sphpa_riemann_sample(double gamma, const sphpa_riemann_st
    a range of them with the tight box and the largest support of what is in it, and splits at the
    next three key bits that differ.
    References: Hilbert 1891, Math. Ann. 38, 459; Skilling 2004, AIP Conf. Proc. 707, 381 (the order
-   in 3-D). Barnes & Hut 1986, Nature 324, 446 (the octree). Warren & Salmon 1993, Supercomputing '93 (keys). Hernquist & Katz 1989, ApJS 70, 419
-   (trees for SPH). Verlet 1967, Phys. Rev. 159, 98 (lists). Pall & Hess 2013, CPC 184, 2641 (lists
-   of groups). Davis et al. 1985, ApJ 292, 371 (friends of friends). Tarjan 1975, J. ACM 22, 215
-   (disjoint sets).
+   in 3-D). Barnes & Hut 1986, Nature 324, 446 (the octree). Warren & Salmon 1993, Supercomputing '93
+   (keys). Hernquist & Katz 1989, ApJS 70, 419 (trees for SPH). Verlet 1967, Phys. Rev. 159, 98
+   (lists). Pall & Hess 2013, CPC 184, 2641 (lists of groups). Davis et al. 1985, ApJ 292, 371 (friends
+   of friends). Tarjan 1975, J. ACM 22, 215 (disjoint sets).
    Needs: base. Read next: particles.
    ============================================================================================== */
 #undef SPHPA_DEF
@@ -18887,16 +18888,17 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_merge_(sphpa_hybrid *h, size_t *merged,
     struct sphpa_hybrid_work *work = h->work;
     sphpa_result result = sphpa_hybrid_census_(h, err);
     if (result != SPHPA_OK) return result;
-    for (size_t c = 0; c < h->grid.n; c++)
+    for (size_t c = 0; c < h->grid.n; c++) {
+        if (sphpa_hybrid_kind_(h->cell[c]) != SPHPA_HYBRID_ACTIVE) continue;
         for (uint32_t k = 0; k < work->count[c]; k++) {
             size_t i = work->item[work->first[c] + k], j;
-            if (sphpa_hybrid_kind_(h->cell[c]) != SPHPA_HYBRID_ACTIVE) break;
             if (!work->keep[i] || (j = sphpa_hybrid_mate_(h, c, i)) == SIZE_MAX || j < i) continue;
             if (sphpa_hybrid_mate_(h, c, j) != i) continue;
             sphpa_hybrid_join_(&h->sim.p, i, j);
             work->keep[j] = 0;
             *merged += 1;
         }
+    }
     return SPHPA_OK;
 }
 
@@ -19564,7 +19566,7 @@ SPHPA_DEF sphpa_result sphpa_hybrid_run(sphpa_hybrid *hybrid, const sphpa_grid_s
 
 /* ---- creation -------------------------------------------------------------------------------- */
 
-SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_defaults_(sphpa_hybrid_options *o, sphpa_error *err) {
+SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_check_(const sphpa_hybrid_options *o, sphpa_error *err) {
     const sphpa_number_ all[5] = {{"floor_rho", o->floor_rho},
                                   {"floor_P", o->floor_P},
                                   {"mass_max", o->mass_max},
@@ -19598,6 +19600,11 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_defaults_(sphpa_hybrid_options *o, sphp
     if (!sphpa_kernel_known_(o->sim.kernel))
         return sphpa_error_set(err, SPHPA_ERROR_UNKNOWN, "hybrid: kernel %d; there are 0 to %d",
                                (int)o->sim.kernel, (int)SPHPA_KERNEL_COUNT - 1);
+    return SPHPA_OK;
+}
+
+/* what 0 stands for, of options that have been checked */
+SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_defaults_(sphpa_hybrid_options *o, sphpa_error *err) {
     if (o->beta == 0) o->beta = 4;
     if (o->active == 0) o->active = 1;
     if (o->active < 0) o->active = 0;
@@ -19683,7 +19690,8 @@ SPHPA_DEF sphpa_result sphpa_hybrid_create(sphpa_hybrid *hybrid,
                                            const sphpa_hybrid_options *options, sphpa_error *err) {
     memset(hybrid, 0, sizeof *hybrid);
     hybrid->options = *options;
-    sphpa_result result = sphpa_hybrid_defaults_(&hybrid->options, err);
+    sphpa_result result = sphpa_hybrid_check_(&hybrid->options, err);
+    if (result == SPHPA_OK) result = sphpa_hybrid_defaults_(&hybrid->options, err);
     if (result == SPHPA_OK)
         result = sphpa_grid_create(&hybrid->grid, &hybrid->options.grid, err);
     if (result == SPHPA_OK) result = sphpa_hybrid_allocate_(hybrid, err);
