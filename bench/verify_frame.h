@@ -223,6 +223,9 @@ static inline void verify_judge(verify_row *row) {
 static inline void verify_add(verify *v, verify_row row) {
     if (v->row_count >= VERIFY_ROWS_MAX)
         example_fail(1, "verify: more than %d rows; raise VERIFY_ROWS_MAX", VERIFY_ROWS_MAX);
+    if (strchr(row.problem, ',') != NULL || strchr(row.scheme, ',') != NULL)
+        example_fail(1, "verify: a comma in \"%s\", \"%s\" would be another column of its file",
+                     row.problem, row.scheme);
     if (isnan(row.order)) row.order = verify_order(v, &row);
     verify_judge(&row);
     v->rows[v->row_count++] = row;

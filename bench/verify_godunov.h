@@ -21,9 +21,9 @@ static const verify_godunov verify_schemes[] = {
     {"gsph+van-leer", VERIFY_GSPH, SPHPA_RIEMANN_VAN_LEER, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0},
     {"gsph+hllc", VERIFY_GSPH, SPHPA_RIEMANN_HLLC, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0},
     {"gsph+strong", VERIFY_GSPH, SPHPA_RIEMANN_STRONG, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0},
-    {"gsph+g1,g2", VERIFY_GSPH, 0, 0, 0, 0, 0, 0.0, 0.25, 0.5, 0},
+    {"gsph+conduction", VERIFY_GSPH, 0, 0, 0, 0, 0, 0.0, 0.25, 0.5, 0},
     {"adke", VERIFY_ADKE, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0},
-    {"adke+g1,g2", VERIFY_ADKE, 0, 0, 0, 0, 0, 0.0, 0.2, 0.4, 0},
+    {"adke+conduction", VERIFY_ADKE, 0, 0, 0, 0, 0, 0.0, 0.2, 0.4, 0},
     {"mpm", VERIFY_MPM, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0},
     {"gas", VERIFY_PLAIN, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0},
 };
