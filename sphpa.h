@@ -2478,6 +2478,16 @@ SPHPA_DEF sphpa_grid_sums sphpa_grid_totals(const sphpa_grid *grid);
          by one factor of m, one of u and one change of v; where that were more than a tenth, it is
          left out and counted in `unplaced`. Mass, momentum and energy of the mesh are, together with
          this, what they were but for rounding.
+   A gas at rest keeps its density to rounding beside a region where the sums over particles are those
+   of a lattice (god.lattice = 1); by_number = 1 is for particles of different masses:
+       god.gas.eos = &eos, god.gas.materials = 1, god.gas.eta = 1.5;
+       god.lattice = god.by_number = 1;
+       sphpa_scene_add(&scene, sphpa_godunov(&god));
+       o.scene = &scene, o.sim.kernel = SPHPA_KERNEL_GAUSSIAN, o.threshold = 0.3, o.floor_P = P_air;
+       o.grid.nx = o.grid.ny = 64, o.grid.high[0] = o.grid.high[1] = 1.0, o.grid.gamma = 1.4;
+       sphpa_hybrid_create(&h, &o, &err), sphpa_hybrid_fill(&h, state_at, NULL, 4, &err);
+       schedule.t_end = 1e-3, sphpa_hybrid_run(&h, &schedule, &err);
+   What is constant in it is sphpa_grid_totals(&h.grid) with h.grid.left and h.stats.unplaced added.
    Published (Myers et al. 2024): no (7), mean rho, v and P of the particles in (6), cells' points with
    their bilinear values in (3): that drifts.
    References: Myers, Palmer & Palmer 2023, Comput. Methods Appl. Mech. Eng. 417, 116412; Myers et
@@ -2505,7 +2515,7 @@ enum { /* sphpa_hybrid_options.flag_by */
 
 typedef struct sphpa_hybrid_options {
     sphpa_grid_options grid;    /* the mesh; two dimensions */
-    const sphpa_scene *scene;   /* the particles' modules, such as sphpa_godunov(&god); copied */
+    const sphpa_scene *scene;   /* the particles' modules, sphpa_godunov(&god) among them; copied */
     sphpa_sim_options sim;      /* kernel, cfl, ..; box is the mesh's */
     double threshold;           /* [1] of (2); 0: all cells are flagged, and nothing comes in through
                                    open edges; infinity: none is */
@@ -2515,8 +2525,8 @@ typedef struct sphpa_hybrid_options {
     int active;                 /* [cells] of (2); 0 means 1, negative none */
     int buffer;                 /* [cells] of (2); 0: what `reach` needs, see sphpa_hybrid_create; with
                                    fewer densities beside it are off, by per cents with half of it */
-    double eta;                 /* [1] h = eta (m/rho)^(1/2) of new particles and ghosts; 0: 1.5 */
-    double reach;               /* [1] supports that a particle's sums reach: a pilot's C; 0 means 1 */
+    double eta;                 /* [1] h = eta (m/rho)^(1/2) of new particles and ghosts; 0: god's */
+    double reach;               /* [1] supports that a particle's sums reach: a pilot's C; 0: god's */
     double mass_max;            /* [kg] of a particle: heavier ones that sphpa_hybrid_fill makes become
                                    four, 16, .. on a finer lattice, none is merged to more; 0: no limit */
     double merge;               /* [1] of (3): two that stand for no more than so much of a new one's
@@ -2551,7 +2561,7 @@ typedef struct sphpa_hybrid {
 /* A hybrid of rest gas, as sphpa_grid_create. The default buffer is ceil(reach support eta / beta)
    cells of the kernel's support: densities next to it are then whole. *hybrid must stay where it is.
    ERROR_RANGE, ERROR_NOT_FINITE, ERROR_UNKNOWN (an option; a mesh with one row or `radial`),
-   ERROR_MISSING (no scene), ERROR_MEMORY; *hybrid is then zeroed. */
+   ERROR_MISSING (no scene, or one without sphpa_godunov), ERROR_MEMORY; *hybrid is then zeroed. */
 SPHPA_DEF sphpa_result sphpa_hybrid_create(sphpa_hybrid *hybrid,
                                            const sphpa_hybrid_options *options, sphpa_error *err);
 SPHPA_DEF void sphpa_hybrid_free(sphpa_hybrid *hybrid);
@@ -19566,6 +19576,14 @@ SPHPA_DEF sphpa_result sphpa_hybrid_run(sphpa_hybrid *hybrid, const sphpa_grid_s
 
 /* ---- creation -------------------------------------------------------------------------------- */
 
+/* the scheme whose ghosts get by (4) all that it asks of them, or NULL */
+SPHPA_PRIVATE_ const sphpa_godunov_params *sphpa_hybrid_scheme_(const sphpa_scene *scene) {
+    for (int m = 0; m < scene->modules; m++)
+        if (strcmp(scene->module[m].name, "godunov") == 0)
+            return (const sphpa_godunov_params *)scene->module[m].params;
+    return NULL;
+}
+
 SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_check_(const sphpa_hybrid_options *o, sphpa_error *err) {
     const sphpa_number_ all[5] = {{"floor_rho", o->floor_rho},
                                   {"floor_P", o->floor_P},
@@ -19580,6 +19598,9 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_check_(const sphpa_hybrid_options *o, s
     if (o->scene == NULL)
         return sphpa_error_set(err, SPHPA_ERROR_MISSING, "hybrid: no scene; give the particles' "
                                "modules, such as sphpa_godunov(&god)");
+    if (sphpa_hybrid_scheme_(o->scene) == NULL)
+        return sphpa_error_set(err, SPHPA_ERROR_MISSING, "hybrid: no sphpa_godunov(&god) in the scene; "
+                               "other schemes ask more of ghosts than the mesh can tell");
     if (!(o->threshold >= 0.0))
         return sphpa_error_set(err, SPHPA_ERROR_RANGE, "hybrid: threshold = %g; give a positive "
                                "number, 0 (all cells) or infinity (none)", o->threshold);
@@ -19605,11 +19626,12 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_check_(const sphpa_hybrid_options *o, s
 
 /* what 0 stands for, of options that have been checked */
 SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_defaults_(sphpa_hybrid_options *o, sphpa_error *err) {
+    const sphpa_godunov_params *god = sphpa_hybrid_scheme_(o->scene);
     if (o->beta == 0) o->beta = 4;
     if (o->active == 0) o->active = 1;
     if (o->active < 0) o->active = 0;
-    if (o->eta == 0.0) o->eta = 1.5;
-    if (o->reach == 0.0) o->reach = 1.0;
+    if (o->eta == 0.0) o->eta = sphpa_gas_eta_(&god->gas) / sphpa_godunov_narrow_(god);
+    if (o->reach == 0.0) o->reach = sphpa_max_(sphpa_godunov_pilot_c_(god), 1.0);
     if (o->merge == 0.0) o->merge = 1.0;
     if (o->published || sphpa_hybrid_alone_(o)) o->merge = -1.0;
     double reach = o->reach * sphpa_kernel_support(o->sim.kernel) * o->eta / o->beta; /* [cells] */

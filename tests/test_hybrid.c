@@ -724,7 +724,7 @@ static void buffers_by_default(void **state) {
         int beta, cells;
         double reach, eta;
     } all[] = {{SPHPA_KERNEL_GAUSSIAN, 4, 3, 2.5, 1.5}, {SPHPA_KERNEL_GAUSSIAN, 0, 3, 2.0, 0.0},
-               {SPHPA_KERNEL_CUBIC, 4, 2, 2.5, 1.5},    {SPHPA_KERNEL_CUBIC, 4, 1, 0.0, 1.2},
+               {SPHPA_KERNEL_CUBIC, 4, 2, 2.5, 1.5},    {SPHPA_KERNEL_CUBIC, 4, 2, 0.0, 1.2},
                {SPHPA_KERNEL_CUBIC, 1, 8, 2.5, 1.5},    {SPHPA_KERNEL_GAUSSIAN, 8, 2, 2.5, 1.5},
                {SPHPA_KERNEL_CUBIC, 2, 3, 2.0, 1.5}};
     for (size_t k = 0; k < sizeof all / sizeof all[0]; k++) {
@@ -737,6 +737,8 @@ static void buffers_by_default(void **state) {
         r.o.eta = all[k].eta;
         start(&r, uniform_at, v, 1);
         assert_int_equal(r.h.options.buffer, all[k].cells);
+        assert_near(r.h.options.eta, all[k].eta > 0.0 ? all[k].eta : 1.5, 1e-15); /* or the scheme's */
+        assert_near(r.h.options.reach, all[k].reach > 0.0 ? all[k].reach : 2.5, 1e-15);
         sphpa_hybrid_free(&r.h);
     }
 }
@@ -1530,6 +1532,10 @@ static void create_refuses(void **state) {
     (void)state;
     static rig r;
     fresh(&r), r.o.scene = NULL, refuses(&r, SPHPA_ERROR_MISSING, "no scene");
+    fresh(&r), r.scene.modules = 0, refuses(&r, SPHPA_ERROR_MISSING, "no sphpa_godunov");
+    prepare(&r, 8, 8, SPHPA_GRID_PERIODIC), r.o.scene = &r.scene;
+    must(sphpa_scene_add(&r.scene, sphpa_gas(&r.god.gas)), &r.scene.error);
+    refuses(&r, SPHPA_ERROR_MISSING, "no sphpa_godunov");
     fresh(&r), r.o.threshold = -0.1, refuses(&r, SPHPA_ERROR_RANGE, "threshold = -0.1");
     fresh(&r), r.o.threshold = (double)NAN, refuses(&r, SPHPA_ERROR_RANGE, "threshold = ");
     fresh(&r), r.o.beta = -1, refuses(&r, SPHPA_ERROR_RANGE, "beta = -1");
