@@ -90,7 +90,7 @@ BLAST = $(BUILD)/examples/blast
 # seconds of wall clock for each method of each of the paper's runs
 BLAST_SECONDS ?= 3600
 
-blast: ## 1 kt by finite volumes, particles and their hybrid, against the 1-D solution: build/blast (a minute or two; ARGS="--dx 0.4": finer)
+blast: ## 1 kt by finite volumes, particles and their hybrid, against the 1-D solution: build/blast (some two minutes; ARGS="--dx 0.4": finer)
 	@$(DEPS) impact
 	@+$(INNER_MAKE) $(BLAST)
 	$(BLAST) --dx 0.75 --convergence 1.5,1 --threads 0 --out $(BUILD)/blast $(ARGS)

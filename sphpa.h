@@ -2487,7 +2487,7 @@ SPHPA_DEF sphpa_grid_sums sphpa_grid_totals(const sphpa_grid *grid);
        o.grid.nx = o.grid.ny = 64, o.grid.high[0] = o.grid.high[1] = 1.0, o.grid.gamma = 1.4;
        sphpa_hybrid_create(&h, &o, &err), sphpa_hybrid_fill(&h, state_at, NULL, 4, &err);
        schedule.t_end = 1e-3, sphpa_hybrid_run(&h, &schedule, &err);
-   What is constant in it is sphpa_grid_totals(&h.grid) with h.grid.left and h.stats.unplaced added.
+   What is constant in it is sphpa_grid_totals(&h.grid) + h.grid.left - h.stats.unplaced.
    Published (Myers et al. 2024): no (7), mean rho, v and P of the particles in (6), cells' points with
    their bilinear values in (3): that drifts.
    References: Myers, Palmer & Palmer 2023, Comput. Methods Appl. Mech. Eng. 417, 116412; Myers et

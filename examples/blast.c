@@ -172,6 +172,12 @@ static void blast_check(const blast_settings *s, const blast_options *o) {
         (void)blast_list("convergence", o->convergence, 1.0, dx, BLAST_CONVERGED);
     if (o->convergence != NULL && o->method == BLAST_ONLY_REFERENCE)
         example_fail(2, "--convergence: the reference has cells of its own; give another --method");
+    if (s->scheme != BLAST_GSPH && (o->method == BLAST_ALL || o->method == BLAST_ONLY_HYBRID))
+        example_fail(2, "--scheme %s: the hybrid's particles are gsph; give --method sph",
+                     blast_word(BLAST_SCHEME_WORDS, s->scheme, (char[32]){0}));
+    if (s->scheme == BLAST_ADKE && !s->fixed && o->method == BLAST_ONLY_SPH)
+        example_fail(2, "--scheme adke: keeps the smoothing lengths that it begins with, so a domain "
+                        "cannot grow; give --domain fixed");
     if (!(s->rho_charge > s->rho_air))
         example_fail(2, "--rho-charge %g: not above the air's %g kg/m3", s->rho_charge, s->rho_air);
     if (!(blast_charge_pressure(s) > 10.0 * s->P_air))
@@ -207,7 +213,7 @@ static void blast_parse(int argc, char **argv, blast_settings *s, blast_options 
         example_number("gamma", "1", &s->gamma, 1.01, 3.0, "ratio of specific heats, of both"),
         example_choice("method", BLAST_METHOD_WORDS, &o->method, "the reference is always there"),
         example_choice("scheme", BLAST_SCHEME_WORDS, &s->scheme,
-                       "of the particles; sph: summed density, artificial viscosity"),
+                       "of particles alone; sph: summed density, artificial viscosity"),
         example_choice("kernel", BLAST_KERNEL_WORDS, &s->kernel, "of the particles"),
         example_choice("riemann", BLAST_RIEMANN_WORDS, &s->riemann, "solver of gsph"),
         example_choice("slopes", BLAST_SLOPES_WORDS, &s->slopes,

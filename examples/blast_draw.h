@@ -139,14 +139,27 @@ static void blast_add_panel(blast_script *script, const blast_result *results, c
     blast_add(script, "\n");
 }
 
+/* [us] between labels of an axis of time: five at most */
+static double blast_tics(const blast_result *results) {
+    double last = 0.0, step = 1.0;
+    for (int m = 0; m < BLAST_METHODS; m++)
+        if (results[m].count > 0)
+            last = fmax(last, 1e6 * results[m].record[results[m].count - 1].time);
+    if (!(last > 0.0)) return 1.0;
+    step = pow(10.0, floor(log10(last / 5.0)));
+    return last / 5.0 > 5.0 * step ? 10.0 * step : last / 5.0 > 2.0 * step ? 5.0 * step
+                                                                          : 2.0 * step;
+}
+
 static void blast_draw_shock(const blast_result *results, const char *out) {
     blast_script script;
     script.length = 0;
     blast_add(&script, BLAST_COLOURS "set multiplot layout 1,2\nset xlabel 'time [" BLAST_MICRO "s]'\n"
-                       "set title 'shock radius'\nset ylabel 'R [m]'\nset key top left\n");
+                       "set title 'shock radius'\nset ylabel 'R [m]'\nset key above horizontal\nset xtics %g\n",
+              blast_tics(results));
     blast_add_panel(&script, results, "2", 2);
     blast_add(&script, "set title 'peak density of the outer shell'\nset ylabel 'density [kg/m"
-                       BLAST_CUBED "]'\nset yrange [0:*]\nset key top right\n");
+                       BLAST_CUBED "]'\nset yrange [0:*]\n");
     blast_add_panel(&script, results, "3", 3);
     blast_add(&script, "unset multiplot");
     (void)example_picture(out, "shock.svg", 1000, 440, script.text);
@@ -164,10 +177,10 @@ static void blast_draw_time(const blast_result *results, const char *out) {
     script.length = 0;
     blast_add(&script, BLAST_COLOURS "set multiplot layout 1,2\nset xlabel 'time [" BLAST_MICRO "s]'\n"
                        "set title 'run time'\nset ylabel 'CPU time [s]'\nset logscale y\n"
-                       "set format y '%%g'\nset key bottom right\n");
+                       "set format y '%%g'\nset key above horizontal\nset xtics %g\n", blast_tics(results));
     blast_add_panel(&script, results, "10", 0);
-    blast_add(&script, "set title 'how many times faster than %s'\nset ylabel 'speed-up'\nset yrange [0.5:*]\n"
-                       "set key top left\n", blast_method_name(slowest));
+    blast_add(&script, "set title 'how many times faster than %s'\nset ylabel 'speed-up'\nset yrange [0.5:*]\n",
+              blast_method_name(slowest));
     for (int m = 0, any = 0; m < BLAST_METHODS; m++) {
         if (results[m].count == 0) continue;
         blast_add(&script, "%s'-' using 1:2 with linespoints lt %d title '%s'", any++ ? ", " : "plot ",

@@ -65,6 +65,9 @@ refused 2 'out of range; it goes from' --t-end 0
 refused 2 'not a whole number' --buffer 1.5
 refused 2 'unknown; give one of all.fvm.sph.hybrid.reference' --method mesh
 refused 2 'unknown; give one of gsph' --scheme psph
+refused 2 'give --method sph' --scheme mpm
+refused 2 'give --method sph' --scheme sph --method hybrid
+refused 2 'give --domain fixed' --scheme adke --method sph
 refused 2 'unknown; give one of cubic' --kernel square
 refused 2 'unknown; give one of conservative.published' --coupling loose
 refused 2 'unknown; give one of grow.fixed' --domain open
