@@ -34,6 +34,16 @@ SIDE_BY_SIDE = $(if $(findstring jobserver,$(MAKEFLAGS)),,-j$(JOBS))
 # (its recipes begin with +: make sees $(MAKE) in a recipe, not behind a variable)
 INNER_MAKE = $(MAKE) --no-print-directory INNER=1 $(SIDE_BY_SIDE)
 
+# counted WHAT,FOLDER,NAMES: how many have passed, that is, have their FOLDER NAME.ok; fails unless all have
+define counted
+passed=0; bad=; for name in $(3); do \
+    if [ -f $(2)$$name.ok ]; then passed=$$((passed + 1)); else bad="$$bad $$name"; fi; \
+done; \
+[ -z "$$bad" ] || echo "FAILED:$$bad"; \
+set -- $$bad; echo "$(1): $$passed passed, $$# failed"; \
+[ $$# -eq 0 ] && [ $$passed -gt 0 ]
+endef
+
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .SUFFIXES:
@@ -183,12 +193,7 @@ tutorials: ## the book's chapters: tangled, built, run, compared with their text
 	@$(DEPS) tutorials
 	@rm -f $(CHAPTERS:%=$(BUILD)/tutorials/%.ok)
 	@+$(INNER_MAKE) -k $(LAST_FIRST:%=$(BUILD)/tutorials/%.ok) || true
-	@passed=0; bad=; for name in $(CHAPTERS); do \
-	    if [ -f $(BUILD)/tutorials/$$name.ok ]; then passed=$$((passed + 1)); else bad="$$bad $$name"; fi; \
-	done; \
-	[ -z "$$bad" ] || echo "FAILED:$$bad"; \
-	set -- $$bad; echo "chapters: $$passed passed, $$# failed"; \
-	[ $$# -eq 0 ] && [ $$passed -gt 0 ]
+	@$(call counted,chapters,$(BUILD)/tutorials/,$(CHAPTERS))
 
 $(TUTORIALS):
 	@$(DEPS) tutorials
@@ -356,14 +361,8 @@ $(BUILD)/tests/%.ok: $(BUILD)/tests/% FORCE
 tests-run: $(TESTS)
 	@rm -f $(TESTS:=.ok)
 	@+$(INNER_MAKE) -k $(TESTS:=.ok) || true
-	@passed=0; bad=; \
-	for program in $(TESTS); do \
-	    if [ -f $$program.ok ]; then passed=$$((passed + 1)); else bad="$$bad $$program"; fi; \
-	done; \
-	for name in $(filter tests/%,$(SKIPPED)); do echo "skipped: $$name (no HDF5)"; done; \
-	[ -z "$$bad" ] || echo "FAILED:$$bad"; \
-	set -- $$bad; echo "programs: $$passed passed, $$# failed"; \
-	[ $$# -eq 0 ] && [ $$passed -gt 0 ]
+	@for name in $(filter tests/%,$(SKIPPED)); do echo "skipped: $$name (no HDF5)"; done
+	@$(call counted,programs,,$(TESTS))
 else
 # the outer level's targets one after the other: two of them may want to install something
 .NOTPARALLEL:

@@ -19641,10 +19641,10 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_defaults_(sphpa_hybrid_options *o, sphp
             return sphpa_error_set(err, SPHPA_ERROR_RANGE, "hybrid: sums over particles reach %g "
                                    "cells, over half of the periodic box of %zu (axis %d); give more "
                                    "cells or a larger beta", reach, n[a], a);
+    if (o->buffer == 0 && !(reach <= 1000.0)) /* also of a pilot that is not finite */
+        return sphpa_error_set(err, SPHPA_ERROR_RANGE, "hybrid: a buffer of %g cells (eta = %g, "
+                               "reach = %g); at most 1000", ceil(reach), o->eta, o->reach);
     if (o->buffer == 0) o->buffer = (int)ceil(reach);
-    if (o->buffer > 1000)
-        return sphpa_error_set(err, SPHPA_ERROR_RANGE, "hybrid: a buffer of %d cells (eta = %g, "
-                               "reach = %g); at most 1000", o->buffer, o->eta, o->reach);
     return SPHPA_OK;
 }
 

@@ -176,8 +176,8 @@ static void blast_check(const blast_settings *s, const blast_options *o) {
         example_fail(2, "--scheme %s: the hybrid's particles are gsph; give --method sph",
                      blast_word(BLAST_SCHEME_WORDS, s->scheme, (char[32]){0}));
     if (s->scheme == BLAST_ADKE && !s->fixed && o->method == BLAST_ONLY_SPH)
-        example_fail(2, "--scheme adke: keeps the smoothing lengths that it begins with, so a domain "
-                        "cannot grow; give --domain fixed");
+        example_fail(2, "--scheme adke: beside the charge its smoothing lengths in air reach across "
+                        "the domain that a growing one begins with; give --domain fixed");
     if (!(s->rho_charge > s->rho_air))
         example_fail(2, "--rho-charge %g: not above the air's %g kg/m3", s->rho_charge, s->rho_air);
     if (!(blast_charge_pressure(s) > 10.0 * s->P_air))

@@ -141,14 +141,13 @@ static void blast_add_panel(blast_script *script, const blast_result *results, c
 
 /* [us] between labels of an axis of time: five at most */
 static double blast_tics(const blast_result *results) {
-    double last = 0.0, step = 1.0;
+    double last = 0.0;
     for (int m = 0; m < BLAST_METHODS; m++)
         if (results[m].count > 0)
             last = fmax(last, 1e6 * results[m].record[results[m].count - 1].time);
     if (!(last > 0.0)) return 1.0;
-    step = pow(10.0, floor(log10(last / 5.0)));
-    return last / 5.0 > 5.0 * step ? 10.0 * step : last / 5.0 > 2.0 * step ? 5.0 * step
-                                                                          : 2.0 * step;
+    double step = last / 5.0, ten = pow(10.0, floor(log10(step)));
+    return ten * (step > 5.0 * ten ? 10.0 : step > 2.0 * ten ? 5.0 : 2.0);
 }
 
 static void blast_draw_shock(const blast_result *results, const char *out) {
