@@ -215,33 +215,16 @@ test: ## build and run the tests, one program a section, side by side
 	@$(DEPS) test
 	@+$(INNER_MAKE) tests-run
 
-# Each check says what it skipped; CHECK_STRICT=1 (or CI) makes a skip a failure.
-# A check is any tests/check_*: tests/lib.sh says what is asked of one.
-CHECKS := $(sort $(wildcard tests/check_*.sh tests/check_*.py))
+# Side by side; what one says is shown in one piece. Each says what it skipped; CHECK_STRICT=1 (or CI) makes
+# a skip a failure. A check is any tests/check_*.sh: tests/lib.sh says what is asked of one.
+CHECKS := $(sort $(wildcard tests/check_*.sh))
 
 check: ## compile matrix, names, layers, what is left out, sanitizers, float, readers of the snapshots, command lines
-	@mkdir -p $(BUILD)/check && : > $(BUILD)/check/skipped
-	@passed=0; bad=; PYTHON=$$(sh tests/python.sh); \
-	BUILD=$(BUILD) JOBS=$(JOBS) MAKE='$(MAKE)' CHECK_SKIPS=$(BUILD)/check/skipped; \
-	if [ -n "$$CI" ] && [ "$$CI" != false ]; then CHECK_STRICT=1; fi; \
-	export PYTHON BUILD JOBS MAKE CHECK_SKIPS CHECK_STRICT; \
-	for check in $(CHECKS); do \
-	    case $$check in \
-	    *.py) [ -n "$$PYTHON" ] && run="$$PYTHON" || run='sh -c "exit 77"' ;; \
-	    *) run=sh ;; \
-	    esac; \
-	    start=$$(date +%s); eval $$run $$check; status=$$?; \
-	    echo "-- $$check: $$(($$(date +%s) - start)) s"; \
-	    case $$status in \
-	    0) passed=$$((passed + 1)) ;; \
-	    77) echo "$$check" >> $$CHECK_SKIPS; [ "$$CHECK_STRICT" = 1 ] && bad="$$bad $$check" ;; \
-	    *) bad="$$bad $$check" ;; \
-	    esac; \
-	done; \
-	if [ -s $$CHECK_SKIPS ]; then echo "skipped:"; sort -u $$CHECK_SKIPS | sed 's/^/  /'; \
-	    echo "  (make deps-check installs what is missing)"; fi; \
-	if [ -n "$$bad" ]; then echo "checks: $$passed passed, FAILED:$$bad"; exit 1; fi; \
-	echo "checks: $$passed passed, 0 failed"
+	@mkdir -p $(BUILD)/check && : > $(BUILD)/check/skipped && rm -f $(CHECKS:tests/%=$(BUILD)/check/%.*)
+	@+$(INNER_MAKE) -k $(CHECKS:tests/%=$(BUILD)/check/%.ok) || true
+	@if [ -s $(BUILD)/check/skipped ]; then echo "skipped:"; sort -u $(BUILD)/check/skipped | sed 's/^/  /'; \
+	    echo "  (make deps-check installs what is missing)"; fi
+	@$(call counted,checks,$(BUILD)/check/,$(CHECKS:tests/%=%))
 
 clean: ## remove build/
 	rm -rf $(BUILD)
@@ -333,14 +316,30 @@ $(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h) exam
 	@mkdir -p $(BUILD)/bench
 	$(COMPILE) $(WARNINGS) $< -o $@ $(LINK_FLAGS) $(LIBS)
 
+# Tests that look at nothing private name no implementation: it is compiled once for all of them.
+SHARE_LIBRARY := $(patsubst tests/%.c,$(BUILD)/tests/%,$(shell grep -L '^#define SPHPA_.*IMPLEMENTATION' tests/test_*.c))
+$(SHARE_LIBRARY): $(BUILD)/tests/sphpa.o
+$(BUILD)/tests/sphpa.o: sphpa.h $(BUILD)/flags.mk
+	$(COMPILE) $(TEST_WARNINGS) -DSPHPA_IMPLEMENTATION -x c -c $< -o $@
 $(BUILD)/tests/test_%: tests/test_%.c sphpa.h $(BUILD)/flags.mk $(wildcard tests/*.h)
-	$(COMPILE) $(TEST_WARNINGS) -Itests $(hdf5_cflags) $(CMOCKA_CFLAGS) $< -o $@ $(LINK_FLAGS) $(hdf5_libs) $(CMOCKA_LIBS) $(LIBS)
+	$(COMPILE) $(TEST_WARNINGS) -Itests $(hdf5_cflags) $(CMOCKA_CFLAGS) $< $(filter %.o,$^) -o $@ \
+	    $(LINK_FLAGS) $(hdf5_libs) $(CMOCKA_LIBS) $(LIBS)
 
 # A chapter is done when its .ok is there: the line that its check said. Output is shown in one piece.
 CHAPTER_TOOLS := $(wildcard tutorials/*.awk) tutorials/check.sh
 $(BUILD)/tutorials/%.ok: tutorials/%.md tutorials/answers/%.md sphpa.h $(CHAPTER_TOOLS)
 	@mkdir -p $(@D)
 	@BUILD=$(BUILD) sh tutorials/check.sh $* > $@.new && mv $@.new $@ && cat $@
+
+$(BUILD)/check/%.ok: tests/% FORCE
+	@rm -f $@; PYTHON=$$(sh tests/python.sh); \
+	BUILD=$(BUILD) JOBS=$(JOBS) MAKE='$(MAKE)' CHECK_SKIPS=$(BUILD)/check/skipped; \
+	if [ -n "$$CI" ] && [ "$$CI" != false ]; then CHECK_STRICT=1; fi; \
+	export PYTHON BUILD JOBS MAKE CHECK_SKIPS CHECK_STRICT; \
+	start=$$(date +%s); sh $< > $(BUILD)/check/$*.log 2>&1; status=$$?; \
+	if [ $$status = 77 ]; then echo $< >> $$CHECK_SKIPS; [ "$$CHECK_STRICT" = 1 ] || status=0; fi; \
+	cat $(BUILD)/check/$*.log; echo "-- $<: $$(($$(date +%s) - start)) s"; \
+	[ $$status = 0 ] && touch $@
 
 leave-out-run:
 	OUT=$(BUILD)/bench COMPILE='$(BENCH_COMPILE) $(WARNINGS)' LINK='$(LINK_FLAGS) $(LIBS)' sh bench/leave_out.sh $(ARGS)

@@ -1,7 +1,7 @@
 # shellcheck shell=sh
 # lib.sh: what the checks share; sourced, by scripts that stand beside it. POSIX sh.
 #
-# A check is a script tests/check_*.sh or tests/check_*.py. It is run from the top of the project,
+# A check is a script tests/check_*.sh. It is run from the top of the project,
 # prints what it did, and exits with 0 (good), 77 (skipped as a whole) or anything else (failed).
 #   HEADER          the header to check (sphpa.h); another one lets a check be tried on a spoilt copy
 #   BUILD           where generated files go (build)

@@ -1,4 +1,5 @@
-/* near.h: comparisons of doubles for cmocka (whose assert_float_equal casts to float). */
+/* near.h: what the tests share: threads, sizes, comparisons of doubles for cmocka (whose assert_float_equal
+   casts to float). */
 #ifndef NEAR_H
 #define NEAR_H
 
@@ -10,11 +11,23 @@
 
 #include <cmocka.h>
 
+#ifdef _OPENMP
+#include <omp.h>
+#endif
+
 static inline void near_fail_(const char *what, double a, double b, double bound, const char *file,
                               int line) {
     print_error("%s: %.17g against %.17g, difference %.3g, allowed %.3g\n", what, a, b, a - b,
                 bound);
     _fail(file, line);
+}
+
+static inline void set_threads(int n) {
+#ifdef _OPENMP
+    omp_set_num_threads(n);
+#else
+    (void)n;
+#endif
 }
 
 /* with SPHPA_TEST_SMALL: fewer cases of the long tests, for where a run takes ten times as long */

@@ -7,10 +7,10 @@
 
 #include <cmocka.h>
 
+#include <float.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define SPHPA_DAMAGE_IMPLEMENTATION
 #include "near.h"
 #include "sphpa.h"
 

@@ -8,7 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SPHPA_IMPLEMENTATION
 #include "sphpa.h"
 
 #include "near.h"
@@ -155,14 +154,6 @@ static size_t count_real(const sphpa_particles *p) {
     size_t n = 0;
     for (size_t i = 0; i < p->n; i++) n += p->ghost[i] == 0 ? 1u : 0u;
     return n;
-}
-
-static void set_threads(int n) {
-#ifdef _OPENMP
-    omp_set_num_threads(n);
-#else
-    (void)n;
-#endif
 }
 
 /* ---- twins: the same without edges, with mirrored particles in place of images --------------- */
@@ -451,7 +442,9 @@ static void watch_pair(sphpa_sim *sim, void *params, const sphpa_neighbours *nea
             edges = (const sphpa_edges_params *)sim->scene.module[m].params;
     if (edges == NULL || sim->p.ghost[near->i] != 0) return;
     size_t want = neighbours_of(sim, edges, near->i);
-    SPHPA_OMP(critical)
+#ifdef _OPENMP
+#pragma omp critical
+#endif
     {
         all->checked++;
         if (near->count != want) all->wrong++;

@@ -10,7 +10,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SPHPA_FRAGMENTS_IMPLEMENTATION
 #include "sphpa.h"
 
 #include "near.h"

@@ -5,11 +5,11 @@
 #include <stdint.h>
 
 #include <cmocka.h>
+
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define SPHPA_GAS_IMPLEMENTATION
-#define SPHPA_RIEMANN_IMPLEMENTATION
 #include "sphpa.h"
 
 #include "near.h"
@@ -17,14 +17,6 @@
 #define PI 3.14159265358979323846
 
 /* ---- helpers --------------------------------------------------------------------------------- */
-
-static void set_threads(int n) {
-#ifdef _OPENMP
-    omp_set_num_threads(n);
-#else
-    (void)n;
-#endif
-}
 
 /* a gas and all that a simulation of it points to */
 typedef struct gas_scene {

@@ -18,14 +18,6 @@
 
 /* ---- helpers --------------------------------------------------------------------------------- */
 
-static void set_threads(int n) {
-#ifdef _OPENMP
-    omp_set_num_threads(n);
-#else
-    (void)n;
-#endif
-}
-
 typedef enum scheme_kind { GSPH, ADKE, MPM } scheme_kind;
 
 /* a gas and all that a simulation of it points to */

@@ -14,10 +14,6 @@
 
 #include "near.h"
 
-#ifdef _OPENMP
-#include <omp.h>
-#endif
-
 /* ---- helpers --------------------------------------------------------------------------------- */
 
 /* A hybrid and all that it points to. What a test wants otherwise it sets in o and god before

@@ -7,7 +7,6 @@
 #include <cmocka.h>
 #include <string.h>
 
-#define SPHPA_KERNEL_IMPLEMENTATION
 #include "sphpa.h"
 
 #include "near.h"

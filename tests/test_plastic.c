@@ -11,8 +11,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SPHPA_PLASTIC_IMPLEMENTATION
-#define SPHPA_SETUP_IMPLEMENTATION
 #include "sphpa.h"
 
 #include "near.h"

@@ -11,13 +11,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#ifdef _OPENMP
-#include <omp.h>
-#endif
 
-#define SPHPA_PORES_IMPLEMENTATION
-#define SPHPA_PLASTIC_IMPLEMENTATION
-#define SPHPA_SETUP_IMPLEMENTATION
 #include "sphpa.h"
 
 #include "near.h"

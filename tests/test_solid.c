@@ -11,8 +11,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SPHPA_SOLID_IMPLEMENTATION
-#define SPHPA_SETUP_IMPLEMENTATION
 #include "sphpa.h"
 
 #include "near.h"
@@ -1655,11 +1653,7 @@ static uint64_t hash_of(const void *data, size_t bytes, uint64_t hash) {
 }
 
 static uint64_t collide(int threads) {
-#ifdef _OPENMP
-    omp_set_num_threads(threads);
-#else
-    (void)threads;
-#endif
+    set_threads(threads);
     sphpa_particles p = set_of(3);
     sphpa_body body = body_of(0.16); /* enough for more than one thread to have work */
     body.u = 0.1;

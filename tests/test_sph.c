@@ -109,14 +109,6 @@ static size_t index_of(const sphpa_sim *sim, int64_t id) {
     return 0;
 }
 
-static void set_threads(int n) {
-#ifdef _OPENMP
-    omp_set_num_threads(n);
-#else
-    (void)n;
-#endif
-}
-
 /* ---- order, names, fields -------------------------------------------------------------------- */
 
 typedef struct journal {

@@ -8,7 +8,6 @@
 #include <float.h>
 #include <string.h>
 
-#define SPHPA_STRENGTH_IMPLEMENTATION
 #include "sphpa.h"
 
 #include "near.h"
