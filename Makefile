@@ -298,18 +298,23 @@ $(TIMED): $(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench
 # one source, both precisions, whatever REAL is
 both = $(addprefix $(BUILD)/bench/$(1)_,double float)
 BOTH_NEED = sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h examples/*.h)
-BOTH_END = $(if $(findstring _float,$@),-DSPHPA_FLOAT) $(WARNINGS) $(BENCH_ABOUT) $< -o $@ $(LINK_FLAGS) $(LIBS)
+BOTH_REAL = $(if $(findstring _float,$@),-DSPHPA_FLOAT)
+BOTH_END = $(BOTH_REAL) $(WARNINGS) $(BENCH_ABOUT) $< -o $@ $(LINK_FLAGS) $(LIBS)
 $(call both,tolerance_impact): bench/tolerance_impact.c $(BOTH_NEED) examples/pumice_impact.c
 	@mkdir -p $(@D)
 	$(filter-out -DSPHPA_FLOAT,$(COMPILE)) $(BOTH_END)
+# the engine's share one object of the header for each precision
 ENGINE = bench_sph stress_sph verify
 define engine
 @mkdir -p $(@D)
-$(filter-out -DSPHPA_FLOAT,$(BENCH_COMPILE)) $(BOTH_END)
+$(filter-out -DSPHPA_FLOAT,$(BENCH_COMPILE)) $(filter %.o,$^) $(BOTH_END)
 endef
-$(ENGINE:%=$(BUILD)/bench/%_double): $(BUILD)/bench/%_double: bench/%.c $(BOTH_NEED)
+$(BUILD)/bench/sphpa_double.o $(BUILD)/bench/sphpa_float.o: sphpa.h $(BUILD)/flags.mk
+	@mkdir -p $(@D)
+	$(filter-out -DSPHPA_FLOAT,$(BENCH_COMPILE)) $(BOTH_REAL) $(WARNINGS) -DSPHPA_IMPLEMENTATION -x c -c $< -o $@
+$(ENGINE:%=$(BUILD)/bench/%_double): $(BUILD)/bench/%_double: bench/%.c $(BOTH_NEED) $(BUILD)/bench/sphpa_double.o
 	$(engine)
-$(ENGINE:%=$(BUILD)/bench/%_float): $(BUILD)/bench/%_float: bench/%.c $(BOTH_NEED)
+$(ENGINE:%=$(BUILD)/bench/%_float): $(BUILD)/bench/%_float: bench/%.c $(BOTH_NEED) $(BUILD)/bench/sphpa_float.o
 	$(engine)
 
 $(BUILD)/bench/%: bench/%.c sphpa.h $(BUILD)/flags.mk $(wildcard bench/*.h) examples/example.h

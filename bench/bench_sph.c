@@ -6,7 +6,6 @@
    round after round, so that all meet the same noise; a row shows medians over its windows. */
 #include "../examples/example.h"
 
-#define SPHPA_IMPLEMENTATION
 #include "sphpa.h"
 
 #include "bench_clock.h"

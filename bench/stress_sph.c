@@ -11,7 +11,6 @@
    errors are of, stand in stress_scenes.h; the guards in stress_run.h. */
 #include "examples/example.h"
 
-#define SPHPA_IMPLEMENTATION
 #include "sphpa.h"
 
 #include "bench/stress_scenes.h"

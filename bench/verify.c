@@ -6,7 +6,6 @@
    row is judged by is written where it is made, with its source. */
 #include "../examples/example.h"
 
-#define SPHPA_IMPLEMENTATION
 #include "sphpa.h"
 
 #include "verify_frame.h"
