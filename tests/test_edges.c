@@ -291,7 +291,7 @@ static void boxes_between_walls(int scheme, int dim, unsigned axes, double toler
 static void a_box_between_walls_is_part_of_a_periodic_one(void **state) {
     (void)state;
     for (int scheme = 0; scheme < SCHEMES; scheme++)
-        for (int dim = 1; dim <= 3; dim++)
+        for (int dim = 1; dim <= (SMALL && scheme != GAS ? 2 : 3); dim++)
             boxes_between_walls(scheme, dim, (1u << dim) - 1u, SAME);
 }
 
@@ -610,6 +610,7 @@ static void uniform_gas_stays_uniform(void **state) {
             int dim = kind < 2 ? 1 : kind < 6 ? 2 : 3, n = dim == 1 ? 40 : dim == 2 ? 20 : 12;
             const double v[3] = {kind % 2 ? 0.2 : 0.0, kind == 3 ? -0.1 : 0.0, kind == 7 ? 0.1 : 0.0};
             if (dim == 3 && (scheme == PILOT || kind == 8)) continue;
+            if (SMALL && scheme != GAS && kind % 2 == 0) continue;
             world *w = world_new(scheme, dim);
             w->gas.viscosity.balsara = 0;
             world_lattice(w, n, v);
@@ -787,7 +788,7 @@ static void threads_give_the_same_bits(void **state) {
     for (int scheme = 0; scheme < SCHEMES; scheme++) {
         set_threads(1);
         world *one = walled(scheme, 1);
-        for (int threads = 2; threads <= 4; threads += 2) {
+        for (int threads = SMALL ? 4 : 2; threads <= 4; threads += 2) {
             set_threads(threads);
             world *more = walled(scheme, 1);
             assert_same(one, more);

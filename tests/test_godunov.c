@@ -893,7 +893,7 @@ static void every_riemann_solver_and_slope_has_its_error(void **state) {
     static const double slopes[4] = {0.0030, 0.0039, 0.0043, 0.0090};
     double exact = 0.0;
     (void)state;
-    for (int k = 0; k < 8; k += SMALL ? 2 : 1) {
+    for (int k = 0; k < 8; k += SMALL ? 3 : 1) {
         double error[3], bound = k < 4 ? solver[k] : slopes[k - 4];
         gas_scene *g = tube(GSPH, &sod_l, &sod_r, 320, 40, 1.5);
         g->params.riemann = k < 4 ? k : 0;
@@ -1008,7 +1008,7 @@ static void charge(double P, int steps) {
 static void charges_of_every_strength_go_off(void **state) {
     (void)state;
     charge(1.0, SMALL ? 40 : 80);
-    charge(1e-5, 80);
+    charge(1e-5, SMALL ? 40 : 80);
     if (!SMALL) charge(102e3, 80);
 }
 

@@ -702,7 +702,7 @@ static void any_number_of_threads(void **state) {
     for (int k = 0; k < 2; k++) {
         sphpa_grid_options o = box(230, 150, k == 0 ? 0.0 : -1.0, 1.0);
         sphpa_grid first = make(&o, k == 0 ? rough : parting_at, &v, 1), other;
-        for (int threads = 1; threads <= 8; threads *= 2) {
+        for (int threads = 1; threads <= 8; threads *= SMALL ? 8 : 2) {
             omp_set_num_threads(threads);
             other = make(&o, k == 0 ? rough : parting_at, &v, 1);
             sphpa_grid *grid = threads == 1 ? &first : &other;
@@ -735,7 +735,7 @@ static void check_positive(const sphpa_grid *grid) {
 /* 816:1 in rho and 5.2e6:1 in P, and into next to nothing; full first steps too */
 static void charges_on_any_mesh(void **state) {
     (void)state;
-    for (int k = 0; k < 20; k++) {
+    for (int k = 0; k < 20; k += SMALL ? 3 : 1) {
         static const size_t cells[5] = {9, 16, 33, 50, 97};
         charge c = {0.2, 1000.0, 5.3272e11, 1.225, 1.02e5, 0.0};
         sphpa_grid_options o = box(cells[k % 5], cells[k % 5] + (size_t)(k % 2), -1.0, 1.0);
