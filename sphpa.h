@@ -1725,6 +1725,8 @@ typedef struct sphpa_pass {
     /* particles [first, last); on failure *bad is the particle that failed */
     sphpa_result (*particle)(struct sphpa_sim *sim, void *params, size_t first, size_t last,
                              size_t *bad);
+    /* what it refused in that particle, in words for the message (never NULL); may be left out */
+    const char *(*why)(const struct sphpa_sim *sim, const void *params, size_t bad);
     /* a PAIR pass has one of these two; records begin with the position, by sphpa_sim_position */
     void (*pair)(struct sphpa_sim *sim, void *params, const sphpa_neighbours *near);
     void (*group)(struct sphpa_sim *sim, void *params, const sphpa_group *near);
@@ -11329,6 +11331,15 @@ SPHPA_PRIVATE_ int sphpa_sim_group_end_(const sphpa_sim *sim, int first) {
     return k;
 }
 
+SPHPA_PRIVATE_ sphpa_result sphpa_sim_pass_bad_(const sphpa_sim *sim, int k, size_t bad,
+                                                sphpa_result result, sphpa_error *err) {
+    const sphpa_pass *pass = sim->pass[k];
+    char where[200];
+    if (pass->why == NULL) return sphpa_sim_bad_(sim, bad, pass->name, result, err);
+    snprintf(where, sizeof where, "%s: %s", pass->name, pass->why(sim, sim->pass_params[k], bad));
+    return sphpa_sim_bad_(sim, bad, where, result, err);
+}
+
 SPHPA_PRIVATE_ sphpa_result sphpa_sim_particle_pass_(sphpa_sim *sim, int k, sphpa_error *err) {
     struct sphpa_work *work = sim->work;
     const sphpa_pass *pass = sim->pass[k];
@@ -11336,7 +11347,7 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_particle_pass_(sphpa_sim *sim, int k, sphp
     if (pass->stage == SPHPA_STAGE_RESIZE) { /* may change n: one call, one thread */
         size_t bad = 0;
         sphpa_result result = pass->particle(sim, params, 0, sim->p.n, &bad);
-        return result == SPHPA_OK ? result : sphpa_sim_bad_(sim, bad, pass->name, result, err);
+        return result == SPHPA_OK ? result : sphpa_sim_pass_bad_(sim, k, bad, result, err);
     }
     long blocks = (long)sphpa_blocks_(sim->p.n);
     SPHPA_OMP(parallel for schedule(dynamic, 4) if (blocks > SPHPA_FEW_))
@@ -11348,8 +11359,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_sim_particle_pass_(sphpa_sim *sim, int k, sphp
     }
     for (long block = 0; block < blocks; block++)
         if (work->block_result[block] != (unsigned char)SPHPA_OK)
-            return sphpa_sim_bad_(sim, work->block_bad[block], pass->name,
-                                  (sphpa_result)work->block_result[block], err);
+            return sphpa_sim_pass_bad_(sim, k, work->block_bad[block],
+                                       (sphpa_result)work->block_result[block], err);
     return SPHPA_OK;
 }
 
@@ -13264,6 +13275,14 @@ SPHPA_PRIVATE_ sphpa_result sphpa_edges_again_(sphpa_sim *sim, sphpa_edges_param
     return result == SPHPA_OK ? sphpa_edges_renew_(sim, edges, band, NULL) : result;
 }
 
+/* the only thing that the pass refuses but for memory */
+SPHPA_PRIVATE_ const char *sphpa_edges_why_(const sphpa_sim *sim, const void *params, size_t i) {
+    const sphpa_edges_params *edges = (const sphpa_edges_params *)params;
+    if (sphpa_edges_narrow_(sim, edges) != i) return "there is no memory for images";
+    return "its support reaches across all between two edges and beyond; take more particles, or "
+           "edges farther apart";
+}
+
 /* the only pass: once a step, at its end */
 SPHPA_PRIVATE_ sphpa_result sphpa_edges_resize_(sphpa_sim *sim, void *params, size_t first,
                                                 size_t last, size_t *bad) {
@@ -13350,10 +13369,8 @@ SPHPA_PRIVATE_ sphpa_result sphpa_edges_setup_(sphpa_sim *sim, void *params, sph
     if (result != SPHPA_OK) return result;
     size_t i = sphpa_edges_narrow_(sim, edges);
     if (i < sim->p.n)
-        return sphpa_error_set(err, SPHPA_ERROR_RANGE, "edges: the support of particle %zu, %g m, "
-                               "reaches across all between two edges and beyond; take more "
-                               "particles, or edges farther apart", i,
-                               sphpa_edges_reach_(sim, edges, i));
+        return sphpa_error_set(err, SPHPA_ERROR_RANGE, "edges: particle %zu: %s (%g m)", i,
+                               sphpa_edges_why_(sim, edges, i), sphpa_edges_reach_(sim, edges, i));
     memset(edges->lost, 0, sizeof edges->lost);
     edges->lost_count = edges->came_count = 0;
     double band[6];
@@ -13504,9 +13521,11 @@ SPHPA_DEF sphpa_module sphpa_edges(sphpa_edges_params *params) {
     module.ghosts = sphpa_edges_ghosts_;
     module.keep = sphpa_edges_keep_;
     module.teardown = sphpa_edges_teardown_;
-    sphpa_module_pass_(&module, "edges", SPHPA_STAGE_RESIZE, SPHPA_F(x) | SPHPA_F(h),
-                       SPHPA_F(ghost) | SPHPA_F(parent))
-        ->particle = sphpa_edges_resize_;
+    sphpa_pass *resize =
+        sphpa_module_pass_(&module, "edges", SPHPA_STAGE_RESIZE, SPHPA_F(x) | SPHPA_F(h),
+                           SPHPA_F(ghost) | SPHPA_F(parent));
+    resize->particle = sphpa_edges_resize_;
+    resize->why = sphpa_edges_why_;
     sphpa_pass *flight = sphpa_module_pass_(&module, "flight to walls", SPHPA_STAGE_LIMIT,
                                             SPHPA_F(x) | SPHPA_F(v) | SPHPA_F(h), 0);
     flight->kind = SPHPA_PASS_REDUCE;
