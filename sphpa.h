@@ -1172,7 +1172,7 @@ SPHPA_DEF sphpa_result sphpa_riemann_find(const char *name, sphpa_riemann_solver
    charge of 5e6 times the pressure). (2) ends at P = 0 with a finite speed: where the gases part
    faster than c_K sqrt(2/(g (g - 1))) of both together, P is 0. F = 0 is solved to rounding, or to
    P below 1e-30 of the higher pressure: in one to three iterations, in 60 next to where P ends.
-   HLLC: its outer waves at the speeds of Einfeldt 1988. P where its model has P < 0 is 0.
+   HLLC: its outer waves at the speeds of Einfeldt et al. 1991 (Roe's averages, or a side's own). P where its model has P < 0 is 0.
    STRONG: (2) on the side of lower pressure, (2) or (3) on the other, from (9) by one step of
    chords and one of fourth order: the same few operations for every pair. Off by 3e-6 of P for
    charges in air (1e-4 where these recede), a rounding for strong collisions; in two fans by the
@@ -2081,7 +2081,7 @@ enum { /* (5) */
    schemes that say so. Everything else may be 0. */
 typedef struct sphpa_godunov_params {
     sphpa_gas_params gas;
-    double pilot;   /* [1] C of (1); 0 means 1.9 (with 2 the Gaussian ends on a particle of a lattice
+    double pilot;   /* [1] C of (1), 1 or more; 0 means 1.9 (with 2 the Gaussian ends on a particle of a lattice
                        where eta is 1 or 1.5); the support of C h is held within half a periodic
                        box. Negative: none, h and rho together as in >>gas (1); with own_h */
     int pilot_every; /* steps from one (1), or (9), to the next; h follows div v in between; 0 means
@@ -2328,7 +2328,7 @@ SPHPA_DEF sphpa_module sphpa_cracks(sphpa_cracks_params *params);
    References: Colella 1990, J. Comput. Phys. 87, 171 (the scheme; the mean in (5) is ours: he steps
    each traced state); Colella & Woodward 1984, J. Comput. Phys. 54, 174 (flattening, viscosity);
    van Leer 1977, J. Comput. Phys. 23, 276 (MC); Colella 1985, SIAM J. Sci. Stat. Comput. 6, 104
-   (slopes of fourth order); Einfeldt 1988; Toro 2009 (HLLC).
+   (slopes of fourth order); Einfeldt et al. 1991; Toro 2009 (HLLC).
    Needs: riemann. Read next: >>hybrid.
    ============================================================================================== */
 #undef SPHPA_DEF
@@ -2415,8 +2415,8 @@ SPHPA_DEF sphpa_result sphpa_grid_fill(sphpa_grid *grid, sphpa_grid_function fun
 SPHPA_DEF sphpa_result sphpa_grid_primitive(const sphpa_grid *grid, size_t i, size_t j,
                                             sphpa_grid_state *out);
 
-/* [s] (8) with `growth`, in *dt. ERROR_STATE: rho or P of a cell is not positive or not finite; the
-   message has the cell and its values. */
+/* [s] (8) with `growth`, in *dt. ERROR_STATE: rho or P of a cell is not positive or not finite, or its
+   signals are so fast that the time would stand; the message has the cell and its values. */
 SPHPA_DEF sphpa_result sphpa_grid_limit(const sphpa_grid *grid, double *dt, sphpa_error *err);
 
 /* One step of the smaller of (8) and dt_limit [s] (infinity: (8)); grid->dt is what it was.
@@ -7272,9 +7272,10 @@ SPHPA_EXTERN_C_BEGIN_
    >>riemann   implementation
    ============================================================================================== */
 
-/* HLLC's waves: outer speeds s after Einfeldt 1988, which are exact for one shock alone and bound
-   the fastest signals; mass fluxes m through them; velocity and pressure between them, Toro 2009,
-   eqs. 10.36 and 10.37. No branches: loops over it become vectors. rho, P > 0. Written in sums and
+/* HLLC's waves: outer speeds s, the larger of a side's own and of Roe's averages (Einfeldt, Munz, Roe
+   and Sjogreen 1991), which are exact for one shock alone, but no bound: between gases of very different
+   rho a strong shock is faster; mass fluxes m through them; velocity and pressure between them, Toro
+   2009, eqs. 10.36 and 10.37. No branches: loops over it become vectors. rho, P > 0. Written in sums and
    differences of the sides: equal ones stay as they are, mirrored ones have mirrored bits (with
    fused multiply-adds, too), and frames do not matter. P < 0 is possible where gases part. */
 typedef struct sphpa_riemann_hllc_ {
@@ -14535,12 +14536,15 @@ SPHPA_PRIVATE_ void sphpa_godunov_own_(const sphpa_particles *p, const sphpa_gro
         if (sphpa_ghost_(p, near->first + l)) SPHPA_LANE_(i->own, l) = SPHPA_R(0.0);
 }
 
-/* (5) of the lanes with h [m]; C, D, and B, A of the cubic */
-SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_godunov_volume_(int cubic, sphpa_lanes_ h, sphpa_lanes_ A,
+/* (5) of the lanes with h [m]; C, D, and B, A of the cubic. Its Gaussian mean is over the product of two
+   W of (2): so it has the h of (2), which is the narrower one where that of (3) is wide. */
+SPHPA_FORCE_INLINE_ sphpa_lanes_ sphpa_godunov_volume_(const sphpa_godunov_params *god,
+                                                       sphpa_lanes_ h, sphpa_lanes_ A,
                                                        sphpa_lanes_ B, sphpa_lanes_ C,
                                                        sphpa_lanes_ D) {
-    sphpa_lanes_ hh = SPHPA_R(0.25) * (h * h), sum = D * D + hh * (C * C);
-    if (cubic)
+    sphpa_lanes_ hh = (god->wide ? SPHPA_R(0.125) : SPHPA_R(0.25)) * (h * h);
+    sphpa_lanes_ sum = D * D + hh * (C * C);
+    if (god->volume == SPHPA_GODUNOV_CUBIC)
         sum += hh * (SPHPA_R(2.0) * B * D + hh * (SPHPA_R(3.0) * (SPHPA_R(2.0) * A * C + B * B) +
                                                   SPHPA_R(15.0) * hh * (A * A)));
     return sum;
@@ -14644,10 +14648,10 @@ SPHPA_FORCE_INLINE_ void sphpa_godunov_push_(int dim, const sphpa_godunov_params
             D -= SPHPA_R(0.125) * (to_i - to_j);
         }
         if (god->own_h) {
-            near_i = sphpa_godunov_volume_(cubic, i->h, A, B, C, D);
-            near_j = sphpa_godunov_volume_(cubic, zero + j->h, A, B, C, D);
+            near_i = sphpa_godunov_volume_(god, i->h, A, B, C, D);
+            near_j = sphpa_godunov_volume_(god, zero + j->h, A, B, C, D);
         } else {
-            near_i = near_j = sphpa_godunov_volume_(cubic, pair->h, A, B, C, D);
+            near_i = near_j = sphpa_godunov_volume_(god, pair->h, A, B, C, D);
         }
     }
     sphpa_lanes_ g = near_i * pair->gi + near_j * pair->gj;
@@ -14973,7 +14977,7 @@ SPHPA_PRIVATE_ void sphpa_godunov_norms_(const sphpa_sim *sim, sphpa_godunov_par
     if (!god->lattice) return;
     god->norm[0] = sphpa_kernel_lattice(sim->options.kernel, sim->p.dim, eta);
     god->norm[1] = sphpa_kernel_lattice(sim->options.kernel, sim->p.dim,
-                                        sphpa_max_(C, 1.0) * eta / sphpa_godunov_narrow_(god));
+                                        sphpa_max_(C, 1.0) * eta / sphpa_godunov_narrow_(god)); /* C < 0: none */
 }
 
 SPHPA_PRIVATE_ sphpa_result sphpa_godunov_setup_(sphpa_sim *sim, void *params, sphpa_error *err) {
@@ -14994,6 +14998,10 @@ SPHPA_PRIVATE_ sphpa_result sphpa_godunov_setup_(sphpa_sim *sim, void *params, s
         return sphpa_error_set(err, SPHPA_ERROR_NOT_FINITE,
                                "godunov: pilot = %g; give 0 for the default, or a positive number",
                                god->pilot);
+    if (god->pilot > 0.0 && god->pilot < 1.0)
+        return sphpa_error_set(err, SPHPA_ERROR_RANGE,
+                               "godunov: pilot = %g; a pilot density is smoother than the density: give "
+                               "1 or more, 0 for the default, or a negative number for none", god->pilot);
     if (god->pilot < 0.0 && (!god->own_h || god->wide || god->by_number))
         return sphpa_error_set(err, SPHPA_ERROR_RANGE,
                                "godunov: h and rho together (pilot = %g) go with own_h and without "
@@ -18052,6 +18060,18 @@ SPHPA_PRIVATE_ double sphpa_grid_rate_(const sphpa_grid_job_ *job, size_t first,
     return rate[0];
 }
 
+/* a step of dt would not move the clock */
+SPHPA_PRIVATE_ sphpa_result sphpa_grid_stands_(const sphpa_grid *grid, double dt, sphpa_error *err) {
+    sphpa_grid_job_ job = sphpa_grid_job_of_(grid, 0.0);
+    size_t k = 0;
+    char why[128];
+    for (size_t c = 1; c < grid->n; c++)
+        if (sphpa_grid_rate_(&job, c, 1) > sphpa_grid_rate_(&job, k, 1)) k = c;
+    snprintf(why, sizeof why, "and the fastest signals: steps of %.3g s are lost in the time of %.9g s",
+             dt, grid->time);
+    return sphpa_grid_bad_(grid, k, grid->rho[k], grid->mx[k], grid->my[k], grid->E[k], why, err);
+}
+
 SPHPA_DEF sphpa_result sphpa_grid_limit(const sphpa_grid *grid, double *dt, sphpa_error *err) {
     sphpa_grid_job_ job = sphpa_grid_job_of_(grid, 0.0);
     ptrdiff_t chunks = (ptrdiff_t)((grid->n + SPHPA_GRID_CHUNK_ - 1) / SPHPA_GRID_CHUNK_);
@@ -18067,7 +18087,7 @@ SPHPA_DEF sphpa_result sphpa_grid_limit(const sphpa_grid *grid, double *dt, sphp
         double free = grid->dt_free > 0.0 ? grid->options.growth * grid->dt_free
                                           : grid->options.first * grid->options.cfl / top;
         *dt = sphpa_min_(grid->options.cfl / top, free);
-        return SPHPA_OK;
+        return grid->time + *dt > grid->time ? SPHPA_OK : sphpa_grid_stands_(grid, *dt, err);
     }
     size_t k = 0;
     while (sphpa_grid_rate_(&job, k, 1) < HUGE_VAL) k++;
@@ -19445,8 +19465,9 @@ SPHPA_PRIVATE_ void sphpa_hybrid_reflux_(sphpa_hybrid *h, size_t count, const do
             }
             if (round == 2 && once) sphpa_hybrid_take_(h, other, take, rest);
         }
-    for (int q = 0; q < 4; q++) /* a periodic or closed box full of particles: rounding */
-        *left[q] -= sum[q] > 0.0 ? gain[q] * (edge[q] / sum[q]) : gain[q];
+    for (int q = 0; q < 4; q++)
+        if (sum[q] > 0.0) *left[q] -= gain[q] * (edge[q] / sum[q]);
+        else rest[q] += gain[q]; /* a region that fills a periodic or closed box */
 }
 
 /* (6) and (7) */
@@ -19470,7 +19491,8 @@ SPHPA_PRIVATE_ void sphpa_hybrid_give_(sphpa_hybrid *h) {
             }
         }
         sphpa_hybrid_reflux_(h, count, gain, rest);
-        if (rest[0] != 0.0 || rest[3] != 0.0) sphpa_hybrid_rest_(h, count, rest);
+        if (rest[0] != 0.0 || rest[1] != 0.0 || rest[2] != 0.0 || rest[3] != 0.0)
+            sphpa_hybrid_rest_(h, count, rest);
     }
 }
 
@@ -19664,6 +19686,14 @@ SPHPA_PRIVATE_ sphpa_result sphpa_hybrid_defaults_(sphpa_hybrid_options *o, sphp
         return sphpa_error_set(err, SPHPA_ERROR_RANGE, "hybrid: a buffer of %g cells (eta = %g, "
                                "reach = %g); at most 1000", ceil(reach), o->eta, o->reach);
     if (o->buffer == 0) o->buffer = (int)ceil(reach);
+    for (int a = 0; a < 2; a++) {
+        int rims = (o->grid.edge_low[a] == (int)SPHPA_GRID_OUTFLOW) +
+                   (o->grid.edge_high[a] == (int)SPHPA_GRID_OUTFLOW);
+        if (rims * o->buffer >= (int)n[a] && !sphpa_hybrid_alone_(o) && o->threshold < HUGE_VAL)
+            return sphpa_error_set(err, SPHPA_ERROR_RANGE, "hybrid: no cell can have particles of its own: "
+                                   "%zu cells, and a buffer of %d within an open edge (axis %d); give more "
+                                   "cells, or a threshold of infinity", n[a], o->buffer, a);
+    }
     return SPHPA_OK;
 }
 

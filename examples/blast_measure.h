@@ -105,6 +105,7 @@ static void blast_profile_end(blast_profile *p, const blast_settings *s) {
 /* What is compared at an output. radius 0: there is no shock. */
 typedef struct blast_shell {
     double radius;            /* [m] outermost place of half the outer shell's maximum of P */
+    double inner;             /* [m] where the outer shell ends inside */
     double P_peak, rho_peak;  /* [Pa] [kg/m3] maxima within the outer shell */
     double rho_max;           /* [kg/m3] maximum of all */
     int borrowed;             /* not 0: the maximum is the reference's */
@@ -131,6 +132,7 @@ static blast_shell blast_shell_of(const double *rho, const double *P, int count,
         shell.P_peak = P_known;
         top = inner;
     }
+    shell.inner = inner * width;
     for (int k = 0; k < count; k++) {
         if (rho[k] > shell.rho_max) shell.rho_max = rho[k];
         if (k >= inner && rho[k] > shell.rho_peak) shell.rho_peak = rho[k];
@@ -260,6 +262,15 @@ static double blast_reference_mean(const blast_reference_at *at, double rho_air,
     }
     if (b > end) sum += rho_air * (b * b - fmax(a, end) * fmax(a, end));
     return sum / (b * b - a * a);
+}
+
+/* [kg/m3] the peak of its outer shell as methods have theirs: the largest of means over rings dx wide, of
+   those that the shell lies in */
+static double blast_reference_peak(const blast_reference_at *at, const blast_settings *s) {
+    double peak = 0.0, dx = s->dx;
+    for (double k = floor(at->shell.inner / dx); k * dx < at->shell.radius; k += 1.0)
+        peak = fmax(peak, blast_reference_mean(at, s->rho_air, k * dx, (k + 1.0) * dx));
+    return peak;
 }
 
 /* [1] see --help */

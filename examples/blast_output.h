@@ -210,7 +210,7 @@ static void blast_write_log(const blast_result *result, const blast_settings *s,
                 "%12.6e %12.5f %12.5f %12.5f %12.5f %12.5e %12llu %10zu %10zu %10.3f %10.2e %12.3e "
                 "%12.3e %12.3e %12.5f %12.5e %12.3f %10llu %12.3e %12.3e %9d\n",
                 r->time, r->shell.radius, r->shell.rho_peak, reference->at[k].shell.radius,
-                reference->at[k].shell.rho_peak, r->L1, (unsigned long long)r->steps, r->particles,
+                blast_reference_peak(&reference->at[k], s), r->L1, (unsigned long long)r->steps, r->particles,
                 r->cells, r->cpu, r->mass, r->momentum[0], r->momentum[1], r->energy,
                 r->shell.rho_max, r->shell.P_peak, r->wall, (unsigned long long)r->substeps,
                 r->unplaced, r->exchanged, r->shell.borrowed ? 0 : 1);
@@ -388,20 +388,21 @@ static void blast_tell_rows(const blast_result *results, const blast_settings *s
                             const blast_reference *reference, int what, blast_report *report) {
     static const char *const title[3] = {
         "shock radius R [m], and how far off the reference's (*: no shell of its own yet, see --help)",
-        "peak density of the outer shell [kg/m3], and how far off the reference's",
+        "peak density of the outer shell [kg/m3], and how far off the reference's in the same rings",
         "L1 of the density within 1.2 R"};
     blast_say(report, "\n%s\n%-10s", title[what], "t [us]");
     for (int k = 0; k < s->times; k++) blast_say(report, " %17g", 1e6 * s->time[k]);
     if (what < 2) blast_say(report, "\n%-10s", blast_method_name(BLAST_METHODS));
     for (int k = 0; k < s->times && what < 2; k++)
         blast_say(report, " %7.3f          ", what == 0 ? reference->at[k].shell.radius
-                                                       : reference->at[k].shell.rho_peak);
+                                                       : blast_reference_peak(&reference->at[k], s));
     for (int m = 0; m < BLAST_METHODS; m++) {
         if (results[m].count == 0) continue;
         blast_say(report, "\n%-10s", blast_method_name(m));
         for (int k = 0; k < results[m].count; k++) {
             const blast_record *r = &results[m].record[k];
-            double of = what == 0 ? reference->at[k].shell.radius : reference->at[k].shell.rho_peak;
+            const blast_reference_at *at = &reference->at[k];
+            double of = what == 0 ? at->shell.radius : blast_reference_peak(at, s);
             double value = what == 0 ? r->shell.radius : r->shell.rho_peak;
             if (what == 2) blast_say(report, " %17.4f", r->L1);
             else blast_say(report, " %7.3f %+7.2f %%%s", value, blast_percent(value, of),

@@ -178,11 +178,13 @@ static double kernel_slope(const sphpa_sim *sim, double r, double h) {
     return sphpa_kernel_dw(sim->options.kernel, sim->p.dim, r, h);
 }
 
-/* the mean of f(s)^2 with weights exp(-2 s^2/h^2), by the trapezoidal rule; 1/rho = a polynomial */
-static double mean_square(const double c[4], double h) {
+/* the mean of f(s)^2 between particles at -r/2 and r/2, with the product of their two Gaussians (of the h of
+   densities) as weights, by the trapezoidal rule; 1/rho = a polynomial */
+static double mean_square(const double c[4], double h, double r) {
     double sum = 0.0, weights = 0.0;
     for (int k = -18; k <= 18; k++) {
-        double s = 0.25 * k * h, w = exp(-2.0 * s * s / (h * h));
+        double s = 0.25 * k * h, left = (s + 0.5 * r) / h, right = (s - 0.5 * r) / h;
+        double w = exp(0.5 * r * r / (h * h) - left * left - right * right); /* 1 in the middle */
         double f = c[0] + s * (c[1] + s * (c[2] + s * c[3]));
         sum += w * f * f;
         weights += w;
@@ -218,7 +220,7 @@ static double volume_squared(const gas_scene *g, size_t own, size_t i, size_t j,
         cubic_through(pair->r, vj, vi, share * slope_j + (1.0 - share) * line,
                       share * slope_i + (1.0 - share) * line, c);
     }
-    return mean_square(c, h);
+    return mean_square(c, g->params.wide ? sqrt(0.5) * h : h, pair->r);
 }
 
 /* in float: a neighbour at the edge of a Gaussian may be counted or not */
@@ -1073,6 +1075,9 @@ static void bad_parameters_are_refused(void **state) {
     g = small(GSPH);
     g->params.volume = 3;
     refused(g, SPHPA_ERROR_UNKNOWN, "volume = 3");
+    g = small(GSPH);
+    g->params.pilot = 0.5;
+    refused(g, SPHPA_ERROR_RANGE, "pilot = 0.5");
     g = small(GSPH);
     g->params.pilot = -1.0;
     refused(g, SPHPA_ERROR_RANGE, "own_h");

@@ -800,6 +800,27 @@ static void noise_at(const double x[2], void *user, sphpa_grid_state *out) {
         out->v[a] = n->mach * c * (2.0 * sphpa_rng_uniform(&n->rng) - 1.0);
 }
 
+/* signals so fast that a step is lost in the time: an error, not a run without end */
+static void a_clock_that_stands_is_told(void **state) {
+    (void)state;
+    sphpa_grid_options o = box(8, 8, 0.0, 1.0);
+    noise still = {sphpa_rng_seed(7, 1), 0.0, 0.0};
+    double dt = 0.0;
+    sphpa_error err;
+    sphpa_grid_schedule schedule;
+    sphpa_grid grid = make(&o, noise_at, &still, 1);
+    memset(&schedule, 0, sizeof schedule);
+    grid.time = 1.0;
+    grid.E[8 * 3 + 5] = 1e40;
+    assert_int_equal(sphpa_grid_limit(&grid, &dt, &err), SPHPA_ERROR_STATE);
+    assert_non_null(strstr(err.message, "cell (5, 3)"));
+    assert_int_equal(sphpa_grid_step(&grid, HUGE_VAL, &err), SPHPA_ERROR_STATE);
+    schedule.t_end = 2.0;
+    assert_int_equal(sphpa_grid_run(&grid, &schedule, &err), SPHPA_ERROR_STATE);
+    assert_non_null(strstr(err.message, "lost in the time"));
+    sphpa_grid_free(&grid);
+}
+
 /* Cells without any order, Mach 100: steps fail; they leave the grid alone and say where; half of
    the time does, and sphpa_grid_run finds that out. */
 static void failed_steps(void **state) {
@@ -1065,6 +1086,7 @@ int main(void) {
         cmocka_unit_test(slopes_that_overshoot),
         cmocka_unit_test(fallbacks_lose_nothing),
         cmocka_unit_test(failed_steps),
+        cmocka_unit_test(a_clock_that_stands_is_told),
         cmocka_unit_test(all_sizes),
         cmocka_unit_test(create_refuses),
         cmocka_unit_test(fill_and_step_refuse),

@@ -36,7 +36,7 @@ static void must(sphpa_result result, const sphpa_error *err) {
     assert_int_equal(result, SPHPA_OK);
 }
 
-enum { BLOCK = 0, MOVES, FLICKERS, COMES_AND_GOES, SPLITS, CORNER, RANDOM, ALL, NONE };
+enum { BLOCK = 0, MOVES, FLICKERS, COMES_AND_GOES, SPLITS, CORNER, FILLS, RANDOM, ALL, NONE };
 
 /* cells from i to a middle that may be far around a periodic box of n */
 static long apart(size_t i, long middle, size_t n) {
@@ -56,6 +56,7 @@ static bool in_pattern(const rig *r, size_t i, size_t j, size_t nx, size_t ny) {
         return (apart(i, x - t / 2 % 9, nx) <= 1 || apart(i, x + t / 2 % 9, nx) <= 1) &&
                apart(j, y, ny) <= 1;
     case CORNER: return i < 5 && j < 5;
+    case FILLS: return t > 4 || (apart(i, x, nx) <= 3 && apart(j, y, ny) <= 3); /* all of the box */
     case ALL: return true;
     default: return false;
     }
@@ -280,9 +281,14 @@ static budget rough_run(rig *r, int edge, int pattern, int published, int count)
 static void budgets_close(void **state) {
     (void)state;
     static rig r;
-    static const int patterns[4] = {RANDOM, SPLITS, COMES_AND_GOES, CORNER};
-    for (int k = 0; k < 12; k++) {
-        budget b = rough_run(&r, k / 4, patterns[k % 4], 0, 8);
+    static const int patterns[5] = {RANDOM, SPLITS, COMES_AND_GOES, CORNER, FILLS};
+    for (int k = 0; k < 15; k++) {
+        budget b = rough_run(&r, k / 5, patterns[k % 5], 0, 8);
+        if (k / 5 != SPHPA_GRID_OUTFLOW) { /* nothing leaves a closed box, not even in the books */
+            assert_true(r.h.grid.left.mass == 0.0 && r.h.grid.left.energy == 0.0);
+            if (k / 5 == SPHPA_GRID_PERIODIC)
+                assert_true(r.h.grid.left.momentum[0] == 0.0 && r.h.grid.left.momentum[1] == 0.0);
+        }
         assert_near_abs(b.mass, 0.0, 1e-12);
         assert_near_abs(b.momentum, 0.0, 1e-12);
         assert_near_abs(b.energy, 0.0, 1e-12);
@@ -546,6 +552,7 @@ static void bilinear_has_four_corners(void **state) {
     sphpa_grid_state s[4];
     prepare(&r, 2, 2, SPHPA_GRID_OUTFLOW);
     r.pattern = NONE;
+    r.o.threshold = HUGE_VAL; /* so few cells have no room for particles */
     start(&r, uniform_at, v, 1);
     for (size_t c = 0; c < 4; c++) {
         s[c].rho = 1.0 + pow(3.0, (double)c);
@@ -1534,6 +1541,8 @@ static void create_refuses(void **state) {
     refuses(&r, SPHPA_ERROR_MISSING, "no sphpa_godunov");
     fresh(&r), r.o.threshold = -0.1, refuses(&r, SPHPA_ERROR_RANGE, "threshold = -0.1");
     fresh(&r), r.o.threshold = (double)NAN, refuses(&r, SPHPA_ERROR_RANGE, "threshold = ");
+    fresh(&r), r.o.grid.edge_low[0] = r.o.grid.edge_high[0] = SPHPA_GRID_OUTFLOW, r.o.buffer = 4;
+    refuses(&r, SPHPA_ERROR_RANGE, "no cell can have particles");
     fresh(&r), r.o.beta = -1, refuses(&r, SPHPA_ERROR_RANGE, "beta = -1");
     fresh(&r), r.o.beta = 65, refuses(&r, SPHPA_ERROR_RANGE, "beta = 65");
     fresh(&r), r.o.buffer = -2, refuses(&r, SPHPA_ERROR_RANGE, "buffer = -2");
