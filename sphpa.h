@@ -2476,10 +2476,11 @@ SPHPA_DEF sphpa_grid_sums sphpa_grid_totals(const sphpa_grid *grid);
      (7) what all of a connected active region gained by (6) over what (1) had said, the cells around
          it lose: each in proportion to the flux through its faces to the region (so still air that
          meets it loses nothing), and so does what left through edges of the mesh there. What would
-         take half of such a cell's mass or pressure, or has nobody around it to lose it (a closed box
-         full of particles), all of the region gives: its cells and particles by one factor
-         of m, one of u and one change of v; where that were more than a tenth, it is left out and counted in `unplaced`. Mass, momentum and energy of the mesh are, together with
-         this, what they were but for rounding.
+         take half of such a cell's mass or pressure, or has no cell around to lose it (a closed box
+         full of particles), all of the region gives: its cells and particles by one factor of m, one
+         of u and one change of v; where that were more than a tenth, it is left out and counted in
+         `unplaced`. Mass, momentum and energy of the mesh are, together with this, what they were but
+         for rounding.
    A gas at rest keeps its density to rounding beside a region where the sums over particles are those
    of a lattice (god.lattice = 1); by_number = 1 is for particles of different masses:
        god.gas.eos = &eos, god.gas.materials = 1, god.gas.eta = 1.5;

@@ -556,8 +556,17 @@ static uint64_t blast_steps(const blast_run *run) {
 }
 
 /* without images beyond the domain's edges; of the hybrid with those that the mesh drives */
+static const sphpa_particles *blast_set(const blast_run *run) {
+    return run->method == BLAST_HYBRID ? &run->hybrid.sim.p : &run->sim.p;
+}
+
+/* of fields, a particle */
+static size_t blast_bytes(const blast_run *run) {
+    return run->method == BLAST_FVM ? 0 : sphpa_particles_bytes_each(blast_set(run));
+}
+
 static size_t blast_particles(const blast_run *run) {
-    const sphpa_particles *p = run->method == BLAST_HYBRID ? &run->hybrid.sim.p : &run->sim.p;
+    const sphpa_particles *p = blast_set(run);
     size_t count = 0, n = run->method == BLAST_FVM ? 0 : p->n;
     for (size_t i = 0; i < n; i++)
         count += p->ghost[i] == 0 || (run->method == BLAST_HYBRID && p->ghost[i] == 1);

@@ -155,6 +155,7 @@ typedef struct blast_record {
     double unplaced, exchanged;       /* [1] hybrid: energy that (7) left out, that it moved */
     uint64_t steps, substeps;
     size_t particles, cells;
+    size_t bytes; /* of fields, a particle */
     double cpu, wall; /* [s] */
 } blast_record;
 
@@ -186,6 +187,7 @@ static void blast_record_now(const blast_run *run, const blast_profile *profile,
     record->steps = blast_steps(run);
     record->particles = blast_particles(run);
     record->cells = blast_cells(run);
+    record->bytes = blast_bytes(run);
     record->cpu = run->cpu;
     record->wall = run->wall;
 }
@@ -425,8 +427,9 @@ static void blast_tell_table(const blast_result *results, const blast_settings *
                           "%-+9.1e\n", blast_method_name(m), r->cpu, r->wall,
                   (unsigned long long)r->steps, (unsigned long long)r->substeps, 1e6 * r->time,
                   r->particles, r->cells, r->mass, r->momentum[0], r->momentum[1], r->energy);
+        if (r->bytes > 0) blast_say(report, "          %zu bytes of fields a particle\n", r->bytes);
         if (m == BLAST_HYBRID)
-            blast_say(report, "          hybrid: %.2e of the energy was moved by its reflux, %.2e "
+            blast_say(report, "          %.2e of the energy was moved by its reflux, %.2e "
                               "found no place\n", r->exchanged, r->unplaced);
     }
     for (int m = 0; m < BLAST_METHODS; m++)
