@@ -112,8 +112,11 @@ for pair in $compilers; do
             flags="-O0 $threads $real"
             text "$how, declarations only" "$compiler" "$language" "$flags"
             text "$how, base" "$compiler" "$language" "$flags -DSPHPA_BASE_IMPLEMENTATION"
-            for section in $all; do
+            way=0
+            for section in $all; do # plain ones by every compiler
+                way=$((way + 1))
                 [ "$section" = "$outside" ] && [ -z "$has_hdf5" ] && continue
+                [ -z "$threads$real" ] || turn $way 2 || continue
                 alone "$how, $section alone" "$compiler" "$language" "$flags -DSPHPA_$(capitals "$section")_IMPLEMENTATION"
             done
             alone "$how, all" "$compiler" "$language" "$flags $everything"
