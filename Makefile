@@ -271,7 +271,9 @@ hdf5_libs = $(if $(filter $<,$(HDF5_USERS)),$(HDF5_FOUND_LIBS))
 SKIPPED := $(if $(HDF5_FOUND),,$(MUST_USE_HDF5))
 
 EXAMPLES := $(patsubst examples/%.c,$(BUILD)/examples/%,$(filter-out $(SKIPPED),$(wildcard examples/*.c)))
-TESTS := $(patsubst tests/%.c,$(BUILD)/tests/%,$(filter-out $(SKIPPED),$(wildcard tests/test_*.c)))
+# ONLY=tests/test_gas.c: no others
+ONLY ?= $(wildcard tests/test_*.c)
+TESTS := $(patsubst tests/%.c,$(BUILD)/tests/%,$(filter-out $(SKIPPED),$(ONLY)))
 
 # what runs for minutes gets the vectors of today's machines, where this one has them
 VECTORS = $(if $(NATIVE_FLAGS),,$(BENCH_FLAGS))

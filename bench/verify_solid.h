@@ -332,7 +332,7 @@ static inline void verify_piston(verify *v) {
     static const double speed[5] = {458.0, 100.0, 300.0, 200.0, 400.0};
     static const long count[3] = {300, 600, 1200};
     for (int herrmann = 0; herrmann < 2; herrmann++)
-        for (int k = 0; k < (v->quick ? herrmann ? 1 : 3 : 5); k++)
+        for (int k = 0; k < (v->quick ? herrmann ? 1 : 2 : 5); k++)
             for (int level = 0; level < verify_levels(v, 3); level++)
                 solid_piston_run(v, herrmann, speed[k], count[level],
                                  level + 1 == verify_levels(v, 3));
