@@ -14977,8 +14977,9 @@ SPHPA_PRIVATE_ void sphpa_godunov_norms_(const sphpa_sim *sim, sphpa_godunov_par
     god->norm[0] = god->norm[1] = 1.0;
     if (!god->lattice) return;
     god->norm[0] = sphpa_kernel_lattice(sim->options.kernel, sim->p.dim, eta);
+    /* a negative C stands for no pilot */
     god->norm[1] = sphpa_kernel_lattice(sim->options.kernel, sim->p.dim,
-                                        sphpa_max_(C, 1.0) * eta / sphpa_godunov_narrow_(god)); /* C < 0: none */
+                                        sphpa_max_(C, 1.0) * eta / sphpa_godunov_narrow_(god));
 }
 
 SPHPA_PRIVATE_ sphpa_result sphpa_godunov_setup_(sphpa_sim *sim, void *params, sphpa_error *err) {

@@ -555,7 +555,6 @@ static uint64_t blast_steps(const blast_run *run) {
                                       : run->hybrid.stats.steps;
 }
 
-/* without images beyond the domain's edges; of the hybrid with those that the mesh drives */
 static const sphpa_particles *blast_set(const blast_run *run) {
     return run->method == BLAST_HYBRID ? &run->hybrid.sim.p : &run->sim.p;
 }
@@ -565,6 +564,7 @@ static size_t blast_bytes(const blast_run *run) {
     return run->method == BLAST_FVM ? 0 : sphpa_particles_bytes_each(blast_set(run));
 }
 
+/* without images beyond the domain's edges; of the hybrid with those that the mesh drives */
 static size_t blast_particles(const blast_run *run) {
     const sphpa_particles *p = blast_set(run);
     size_t count = 0, n = run->method == BLAST_FVM ? 0 : p->n;
